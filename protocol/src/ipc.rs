@@ -1,0 +1,262 @@
+//! Messages between the haptics process and a viewer. See `WIRE.md`, part 2.
+//!
+//! Units: mm, N, s; positions in the bone frame (along the lattice, origin at the centre of voxel
+//! (0, 0, 0)). Quaternions are (x, y, z, w), unit length.
+
+use serde::{Deserialize, Serialize};
+
+/// Version of the viewer link.
+pub const IPC_VERSION: u16 = 1;
+
+/// Most bytes of one framed message's payload. Bounded before it is believed.
+pub const MAX_PAYLOAD: usize = 1 << 20;
+
+/// Most bricks of one [`Bricks`] message.
+pub const MAX_BRICKS: usize = 256;
+
+/// A rigid transform on the wire.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct WirePose {
+    /// Quaternion (x, y, z, w).
+    pub rotation: [f64; 4],
+    /// Translation, mm.
+    pub translation_mm: [f64; 3],
+}
+
+/// A tool's shape, enough to draw it. Tool frame: origin at the tip's apex, z from the tip towards
+/// the shank.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ToolInfo {
+    /// Name for people, for example "glenoid reamer".
+    pub name: String,
+    /// Identifier in reports, for example `reamer`.
+    pub id: String,
+    /// Outline of the solid of revolution as (r, z) points in mm, from the apex up to the shank's
+    /// end; at most 256.
+    pub outline_mm: Vec<[f32; 2]>,
+}
+
+/// What is on the table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Scene {
+    /// Where the bone comes from, for people.
+    pub source: String,
+    /// Voxels along x, y, z.
+    pub dims: [u32; 3],
+    /// Voxel spacing, mm.
+    pub spacing_mm: [f64; 3],
+    /// Bone frame to DICOM LPS.
+    pub lps_from_bone: WirePose,
+    /// Planned axis: tool frame at first touch (apex at the glenoid's centre, z outward).
+    pub bone_from_plan: WirePose,
+    /// Number of [`BonePiece`]s that follow: the chunks that are kept.
+    pub chunks: u32,
+    /// Solid volume, mm³.
+    pub solid_mm3: f64,
+    /// Tools in the order of their index; at most 8.
+    pub tools: Vec<ToolInfo>,
+    /// Limit of the force at the stylus, N.
+    pub force_limit_n: f64,
+}
+
+/// One 32³ chunk of the immutable bone. Pieces come in index order 0, 1, 2, …; the index is the
+/// chunk's number in all later messages.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BonePiece {
+    /// Index of this chunk.
+    pub chunk: u32,
+    /// Chunk coordinate (units of 32 voxels).
+    pub coord: [u16; 3],
+    /// Bricks (bit = brick) where bone can be.
+    pub bony: u64,
+    /// LZ4 block of [`PIECE_BYTES`] bytes: density i16 LE ×32768, solid i16 LE ×32768, class u8
+    /// ×32768, label u8 ×32768; brick-major.
+    pub lz4: Vec<u8>,
+}
+
+/// Unpacked size of a [`BonePiece`].
+pub const PIECE_BYTES: usize = 32_768 * 6;
+
+/// Unpacked size of one brick's cut values.
+pub const BRICK_BYTES: usize = 1024;
+
+/// The newest pose and force; newest wins, may be thinned.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PoseUpdate {
+    /// Servo tick.
+    pub tick: u64,
+    /// Index of the tool in hand.
+    pub tool: u8,
+    /// Whether the spindle turns.
+    pub spindle_on: bool,
+    /// Whether the session is paused (no force, no cutting).
+    pub paused: bool,
+    /// Where the tool is shown and cuts: the proxy.
+    pub bone_from_tool: WirePose,
+    /// Where the hand holds the tool; inside the bone when it pushes.
+    pub bone_from_device: WirePose,
+    /// Force at the stylus, bone frame, N.
+    pub force_n: [f32; 3],
+    /// Force that a real tool would meet, N (display force ÷ force scale).
+    pub physical_force_n: f32,
+    /// Depth of the tool's apex along the planned axis past the plan's origin, mm.
+    pub depth_mm: f32,
+    /// mm³ removed since the last reset.
+    pub removed_mm3: f64,
+}
+
+/// One carved sub-step. Thinning loses no sum: the totals are cumulative.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RemovalEvent {
+    /// Servo tick.
+    pub tick: u64,
+    /// Counts resets.
+    pub epoch: u32,
+    /// Number of this sub-step since the reset, from 1.
+    pub revision: u64,
+    /// Index of the tool.
+    pub tool: u8,
+    /// Pose at the beginning of the sub-step.
+    pub bone_from_tool_before: WirePose,
+    /// Pose at its end.
+    pub bone_from_tool_after: WirePose,
+    /// mm³ removed since the last reset, by tissue class (air, cartilage, subchondral, cancellous,
+    /// cortical, 3 spare).
+    pub removed_mm3_by_class: [f64; 8],
+}
+
+/// Lossless state of the cut in some bricks.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Bricks {
+    /// Counts resets; a viewer drops the cut of an older epoch.
+    pub epoch: u32,
+    /// The sender's sub-step count when these values were read.
+    pub revision: u64,
+    /// (chunk, brick) of each, at most [`MAX_BRICKS`].
+    pub ids: Vec<(u32, u8)>,
+    /// LZ4 block of `ids.len()` × [`BRICK_BYTES`] bytes: cut distance i16 LE ×512 a brick.
+    pub lz4: Vec<u8>,
+}
+
+/// Digest of the cut ([`Scene`]'s bone, all changed chunks).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Digest {
+    /// Counts resets.
+    pub epoch: u32,
+    /// Sub-steps since the reset.
+    pub revision: u64,
+    /// XXH3.
+    pub hash: u64,
+    /// Chunks with a cut.
+    pub changed_chunks: u32,
+}
+
+/// How the haptics process fares; about four a second.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Health {
+    /// Servo ticks so far.
+    pub ticks: u64,
+    /// Ticks that began more than 0.5 ms after their deadline.
+    pub late_ticks: u64,
+    /// Wake-up delay: p50, p99, p99.9, max, µs.
+    pub wake_micros: [f32; 4],
+    /// Duration of a tick: p50, p99, p99.9, max, µs.
+    pub tick_micros: [f32; 4],
+    /// Command to acknowledgement: p50, p99, p99.9, max, µs.
+    pub roundtrip_micros: [f32; 4],
+    /// Drive state of the device, for people.
+    pub drive: String,
+    /// Device link, for example `open:/dev/ttyACM0`.
+    pub link: String,
+    /// State frames received.
+    pub frames: u64,
+    /// Frames refused for a bad CRC or shape.
+    pub crc_errors: u64,
+    /// Missing state frames.
+    pub gaps: u64,
+    /// Watchdog trips of the device.
+    pub watchdog_trips: u64,
+    /// Interventions of the output guards: clamps, slews, refused samples.
+    pub guard_events: u64,
+    /// Why the force is off, or empty.
+    pub note: String,
+}
+
+/// Haptics to viewer.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum ToViewer {
+    /// First message.
+    Hello {
+        /// [`IPC_VERSION`] of the haptics process.
+        version: u16,
+    },
+    /// The viewer is refused; the connection ends.
+    Refused {
+        /// Why, and what to do.
+        reason: String,
+    },
+    /// What is on the table. All pieces follow.
+    Scene(Box<Scene>),
+    /// A chunk of bone.
+    BonePiece(BonePiece),
+    /// Newest pose.
+    Pose(PoseUpdate),
+    /// Carved sub-steps, oldest first.
+    Removals(Vec<RemovalEvent>),
+    /// State of bricks.
+    Bricks(Bricks),
+    /// All that was carved up to this digest has been sent; the viewer answers with its own.
+    Digest(Digest),
+    /// How the haptics process fares.
+    Health(Box<Health>),
+    /// The cut was reset: drop it and go on under this epoch.
+    Reset {
+        /// The new epoch.
+        epoch: u32,
+    },
+    /// The session has ended in good order.
+    Bye {
+        /// Why.
+        reason: String,
+    },
+}
+
+/// What a person may ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Command {
+    /// Take a tool in hand.
+    SelectTool(u8),
+    /// Spindle on or off.
+    Spindle(bool),
+    /// Pause (no force, no cutting) or go on.
+    Pause(bool),
+    /// Back to the uncut bone.
+    Reset,
+    /// End the session.
+    Stop,
+}
+
+/// Viewer to haptics.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum FromViewer {
+    /// First message.
+    Hello {
+        /// [`IPC_VERSION`] of the viewer.
+        version: u16,
+        /// Program and adapter, for people; at most 200 bytes.
+        name: String,
+    },
+    /// A person's wish.
+    Command(Command),
+    /// Answer to [`ToViewer::Digest`], and the viewer's counters.
+    Digest {
+        /// The viewer's own digest of its mirror.
+        digest: Digest,
+        /// Frames drawn by this viewer.
+        frames_rendered: u64,
+        /// Bricks taken over.
+        updates: u64,
+        /// Times that this viewer started from an empty mirror.
+        resyncs: u64,
+    },
+}

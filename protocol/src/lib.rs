@@ -1,0 +1,18 @@
+//! Every byte that crosses a border of Osteon.
+//!
+//! * [`device`]: the link between the haptics process and a device (or its simulation): COBS frames
+//!   of at most 63 bytes with CRC-32C. `no_std`, no allocation: a microcontroller can use it.
+//! * [`ipc`] (feature `std`): the messages between the haptics process and a viewer.
+//!
+//! The bytes are written down in `WIRE.md` and proven by golden tests. Decoders are total: no input
+//! makes them panic, and each length is bounded before it is used.
+#![cfg_attr(not(feature = "std"), no_std)]
+#![forbid(unsafe_code)]
+
+pub mod crc32c;
+pub mod device;
+pub mod frame;
+#[cfg(feature = "std")]
+pub mod ipc;
+#[cfg(feature = "std")]
+pub mod ipc_frame;

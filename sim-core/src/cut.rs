@@ -1,0 +1,235 @@
+//! The cut field: signed distance to the union of all that the tools have swept.
+//!
+//! Lazily given to touched chunks out of a pool made at load, so that the servo thread allocates
+//! nothing. `cut = min(cut, sd_tool)`: idempotent, free of order, monotone within an epoch.
+
+use crate::bone::{Bone, OCCUPANCY_FULL, Occupancy};
+use crate::grid::{BRICK_VOXELS, BRICKS_PER_CHUNK, CHUNK_VOXELS, Grid};
+use crate::tissue::TISSUES;
+use glam::DVec3;
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+
+/// Most tools of one session.
+pub const MAX_TOOLS: usize = 8;
+/// The value of an uncut voxel: at least one band away from all that was cut.
+pub const UNCUT: i16 = i16::MAX;
+
+const NO_SLOT: u32 = u32::MAX;
+
+/// Removed volume in integer occupancy units ([`Occupancy`]), since the last reset.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Totals {
+    /// By tissue class.
+    pub by_class: [i64; TISSUES],
+    /// By tool index.
+    pub by_tool: [i64; MAX_TOOLS],
+    /// By structure label.
+    pub by_label: Box<[i64; 256]>,
+    /// Sum of units × voxel index, per axis: the first moment.
+    pub moment: [i64; 3],
+}
+
+impl Totals {
+    fn zero() -> Self {
+        Self {
+            by_class: [0; TISSUES],
+            by_tool: [0; MAX_TOOLS],
+            by_label: Box::new([0; 256]),
+            moment: [0; 3],
+        }
+    }
+
+    fn clear(&mut self) {
+        self.by_class = [0; TISSUES];
+        self.by_tool = [0; MAX_TOOLS];
+        self.by_label.fill(0);
+        self.moment = [0; 3];
+    }
+
+    /// All units removed.
+    pub fn units(&self) -> i64 {
+        self.by_class.iter().sum()
+    }
+
+    /// Centroid of all that was removed, bone frame, mm; `None` where nothing was.
+    pub fn centroid(&self, grid: &Grid) -> Option<DVec3> {
+        let units = self.units();
+        (units > 0).then(|| {
+            let m = self.moment.map(|m| m as f64 / units as f64);
+            DVec3::from_array(m) * grid.spacing_mm
+        })
+    }
+}
+
+/// What two holders of the same cut compare.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CutDigest {
+    /// Counts resets.
+    pub epoch: u32,
+    /// Carved sub-steps since the last reset.
+    pub revision: u64,
+    /// XXH3 over (epoch, revision, chunk coordinate, cut values) of all changed chunks in the
+    /// order of their index.
+    pub hash: u64,
+    /// Chunks with at least one cut value.
+    pub changed_chunks: u32,
+}
+
+/// The cut distance of every touched chunk.
+#[derive(Debug, Clone)]
+pub struct Cut {
+    epoch: u32,
+    revision: u64,
+    // chunk -> slot in the pool
+    slots: Vec<u32>,
+    used: usize,
+    pool: Vec<i16>,
+    pub(crate) totals: Totals,
+}
+
+impl Cut {
+    /// An uncut field for `bone`. Allocates and writes the whole pool, so that no page fault is
+    /// left for later.
+    pub fn new(bone: &Bone) -> Self {
+        Self {
+            epoch: 0,
+            revision: 0,
+            slots: vec![NO_SLOT; bone.chunk_count()],
+            used: 0,
+            pool: vec![UNCUT; bone.chunk_count() * CHUNK_VOXELS],
+            totals: Totals::zero(),
+        }
+    }
+
+    /// Counts resets.
+    pub fn epoch(&self) -> u32 {
+        self.epoch
+    }
+
+    /// Carved sub-steps since the last reset.
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+
+    /// Says that one more sub-step was carved.
+    pub(crate) fn bump_revision(&mut self) {
+        self.revision += 1;
+    }
+
+    /// What was removed since the last reset.
+    pub fn totals(&self) -> &Totals {
+        &self.totals
+    }
+
+    /// mm³ of `units`, for the lattice of this cut.
+    pub fn mm3(grid: &Grid, units: i64) -> f64 {
+        units as f64 * (grid.voxel_mm3() / OCCUPANCY_FULL as f64)
+    }
+
+    /// Back to the uncut bone under a new epoch. Constant work per chunk of the bone (four bytes);
+    /// slots are refilled when they are next given out.
+    pub fn reset(&mut self, epoch: u32) {
+        self.epoch = epoch;
+        self.revision = 0;
+        self.slots.fill(NO_SLOT);
+        self.used = 0;
+        self.totals.clear();
+    }
+
+    /// The cut values of a chunk, brick-major; `None` where nothing was cut.
+    pub fn chunk(&self, chunk: usize) -> Option<&[i16]> {
+        let slot = self.slots[chunk];
+        (slot != NO_SLOT).then(|| {
+            let base = slot as usize * CHUNK_VOXELS;
+            &self.pool[base..base + CHUNK_VOXELS]
+        })
+    }
+
+    /// The 512 cut values of a brick; `None` where nothing of its chunk was cut.
+    pub fn brick(&self, chunk: usize, brick: usize) -> Option<&[i16]> {
+        let values = self.chunk(chunk)?;
+        Some(&values[brick * BRICK_VOXELS..(brick + 1) * BRICK_VOXELS])
+    }
+
+    /// Cut value of one voxel, in units of [`Grid::quantum_mm`].
+    pub fn value(&self, chunk: usize, voxel: usize) -> i16 {
+        match self.slots[chunk] {
+            NO_SLOT => UNCUT,
+            slot => self.pool[slot as usize * CHUNK_VOXELS + voxel],
+        }
+    }
+
+    /// The values of a brick for writing; gives the chunk a slot if it has none. One 64 KiB fill
+    /// at most. Never runs out: the pool has a slot for every chunk.
+    pub(crate) fn brick_mut(&mut self, chunk: usize, brick: usize) -> &mut [i16] {
+        if self.slots[chunk] == NO_SLOT {
+            let base = self.used * CHUNK_VOXELS;
+            self.pool[base..base + CHUNK_VOXELS].fill(UNCUT);
+            self.slots[chunk] = self.used as u32;
+            self.used += 1;
+        }
+        let base = self.slots[chunk] as usize * CHUNK_VOXELS + brick * BRICK_VOXELS;
+        &mut self.pool[base..base + BRICK_VOXELS]
+    }
+
+    /// Replaces a brick's values, as a viewer's mirror does on an update. `values` must have 512
+    /// entries and `chunk`, `brick` must exist; otherwise nothing happens and `false` is returned.
+    pub fn set_brick(&mut self, chunk: usize, brick: usize, values: &[i16]) -> bool {
+        if chunk >= self.slots.len() || brick >= BRICKS_PER_CHUNK || values.len() != BRICK_VOXELS {
+            return false;
+        }
+        self.brick_mut(chunk, brick).copy_from_slice(values);
+        true
+    }
+
+    /// Takes over the sender's count of sub-steps, as a viewer's mirror does on an update.
+    pub fn set_revision(&mut self, revision: u64) {
+        self.revision = revision;
+    }
+
+    /// The digest of the whole cut. Reads every touched chunk: not for the servo's loop.
+    pub fn digest(&self, bone: &Bone) -> CutDigest {
+        let mut all = Xxh3::new();
+        all.update(&self.epoch.to_le_bytes());
+        all.update(&self.revision.to_le_bytes());
+        let mut changed_chunks = 0;
+        for chunk in 0..self.slots.len() {
+            let Some(hash) = self.chunk_hash(chunk) else {
+                continue;
+            };
+            changed_chunks += 1;
+            for c in bone.chunk_coord(chunk) {
+                all.update(&c.to_le_bytes());
+            }
+            all.update(&hash.to_le_bytes());
+        }
+        CutDigest {
+            epoch: self.epoch,
+            revision: self.revision,
+            hash: all.digest(),
+            changed_chunks,
+        }
+    }
+
+    /// XXH3 of a chunk's cut values (little endian); `None` where no value is cut.
+    pub fn chunk_hash(&self, chunk: usize) -> Option<u64> {
+        let values = self.chunk(chunk)?;
+        if values.iter().all(|&v| v == UNCUT) {
+            return None;
+        }
+        let mut bytes = Vec::with_capacity(2 * CHUNK_VOXELS);
+        for v in values {
+            bytes.extend_from_slice(&v.to_le_bytes());
+        }
+        Some(xxh3_64(&bytes))
+    }
+
+    /// Volume left in chunk `chunk`, occupancy units: an independent check of the totals.
+    pub fn solid_units(&self, bone: &Bone, chunk: usize) -> i64 {
+        let occupancy = Occupancy::new(bone.grid());
+        let data = bone.chunk(chunk);
+        (0..CHUNK_VOXELS)
+            .map(|v| occupancy.units(data.solid[v].min(self.value(chunk, v))))
+            .sum()
+    }
+}

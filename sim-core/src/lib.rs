@@ -1,0 +1,16 @@
+//! The numbers of Osteon: bone, tools, contact and cutting, force, kinematics.
+//!
+//! Millimetres, newtons, seconds, radians; `f64` for poses and sums, `f32` inside a chunk or a
+//! tool, integers for time and for removed volume. Transforms read `a_from_b`.
+//!
+//! **Invariants.** This crate reads no clock and opens nothing. What runs in the servo thread
+//! ([`servo`]) allocates nothing, waits for nothing and has a stated bound on its work. The same
+//! inputs give the same bits on every machine.
+#![forbid(unsafe_code)]
+
+pub mod bone;
+pub mod cut;
+pub mod grid;
+pub mod pose;
+pub mod tissue;
+pub mod tool;
