@@ -301,9 +301,8 @@ fn bony_mask(grid: &Grid, solid_mm: &[f32], coord: [u16; 3]) -> u64 {
         let from = lo.map(|v| v.saturating_sub(1));
         let to: [usize; 3] = core::array::from_fn(|a| (lo[a] + 9).min(grid.dims[a]));
         let near = (from[2]..to[2]).any(|k| {
-            (from[1]..to[1]).any(|j| {
-                (from[0]..to[0]).any(|i| solid_mm[grid.dense_index(i, j, k)] > -band)
-            })
+            (from[1]..to[1])
+                .any(|j| (from[0]..to[0]).any(|i| solid_mm[grid.dense_index(i, j, k)] > -band))
         });
         mask |= u64::from(near) << brick;
     }

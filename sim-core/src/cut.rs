@@ -83,6 +83,8 @@ pub struct Cut {
     // chunk -> slot in the pool
     slots: Vec<u32>,
     used: usize,
+    // bricks whose every value is at its lowest: nothing more can change there
+    emptied: Vec<u64>,
     pool: Vec<i16>,
     pub(crate) totals: Totals,
 }
@@ -96,6 +98,7 @@ impl Cut {
             revision: 0,
             slots: vec![NO_SLOT; bone.chunk_count()],
             used: 0,
+            emptied: vec![0; bone.chunk_count()],
             pool: vec![UNCUT; bone.chunk_count() * CHUNK_VOXELS],
             totals: Totals::zero(),
         }
@@ -132,8 +135,18 @@ impl Cut {
         self.epoch = epoch;
         self.revision = 0;
         self.slots.fill(NO_SLOT);
+        self.emptied.fill(0);
         self.used = 0;
         self.totals.clear();
+    }
+
+    /// Bricks (one bit each) whose every value is at its lowest.
+    pub(crate) fn emptied(&self, chunk: usize) -> u64 {
+        self.emptied[chunk]
+    }
+
+    pub(crate) fn set_emptied(&mut self, chunk: usize, brick: usize) {
+        self.emptied[chunk] |= 1 << brick;
     }
 
     /// The cut values of a chunk, brick-major; `None` where nothing was cut.

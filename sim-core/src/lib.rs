@@ -9,8 +9,17 @@
 #![forbid(unsafe_code)]
 
 pub mod bone;
+pub mod broad;
+pub mod carve;
+pub mod chain;
+pub mod contact;
 pub mod cut;
 pub mod grid;
+pub mod omni;
 pub mod pose;
+pub mod register;
+pub mod sample;
+pub mod servo;
+pub mod solid;
 pub mod tissue;
 pub mod tool;

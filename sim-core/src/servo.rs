@@ -1,0 +1,526 @@
+//! The servo step: one pure function of state, raw device sample and requests.
+//!
+//! counts → joint angles → base_from_stylus → bone_from_device → contact and cutting → carve → force
+//! → output chain → Jᵀ → DAC counts.
+//!
+//! [`Servo::tick`] allocates nothing and its loops are bounded: at most [`MAX_SUBSTEPS`] proxy steps
+//! of at most [`crate::tool::MAX_ELEMENTS`] elements and [`crate::contact::MAX_ITERATIONS`]
+//! iterations each, and as many carved steps.
+
+use crate::bone::Bone;
+use crate::broad::Obb;
+use crate::carve::{CarveStep, carve};
+use crate::chain::{GAP_RAMP_TICKS, GuardCounts, OutputChain, ZERO_TICKS};
+use crate::contact::{ContactConfig, Contacts, ToolState, YIELD_EPS_MM, coupling_force};
+use crate::cut::{Cut, MAX_TOOLS};
+use crate::omni;
+use crate::pose::Pose;
+use crate::tool::Tool;
+use core::f64::consts::TAU;
+use glam::DVec3;
+use std::sync::Arc;
+
+/// Proxy steps per tick at most; each at most half the smallest spacing long.
+pub const MAX_SUBSTEPS: usize = 8;
+/// A sample is implausible where its second difference exceeds this, mm/ms² (2000 m/s²): no hand can
+/// do that, a broken encoder can.
+const MAX_ACCELERATION_MM_MS2: f64 = 2.0;
+/// Implausible samples in a row after which the new place is believed.
+const RESYNC_AFTER: u32 = 5;
+/// A tool that appears deeper than this in bone is embedded: no force until it is free, mm.
+const EMBEDDED_MM: f64 = 0.25;
+/// Spindle run-up, s.
+const SPIN_UP_S: f64 = 0.3;
+/// Turning of the proxy while it touches bone, rad per tick at most (3 rad/s).
+const TURN_RAD_PER_TICK: f64 = 0.003;
+/// Ticks that a button is deaf after an edge (contact bounce).
+const BUTTON_DEAF_TICKS: u32 = 30;
+
+/// Bits of [`Sample::buttons`].
+pub mod button {
+    /// Toggles the spindle.
+    pub const SPINDLE: u8 = 1;
+    /// Takes the next tool.
+    pub const NEXT_TOOL: u8 = 2;
+}
+
+/// What the numbers of the device mean, from its hello message.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DeviceScale {
+    /// Encoder counts per joint revolution.
+    pub counts_per_rev: u32,
+    /// Gimbal counts per revolution.
+    pub gimbal_counts_per_rev: u16,
+    /// Largest torque command, DAC counts.
+    pub dac_max: i16,
+    /// Joint torque of one DAC count, N·mm.
+    pub nmm_per_count: f64,
+}
+
+/// One raw device sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Device clock, µs, wraps.
+    pub time_micros: u32,
+    /// Joint encoder counts from the dock.
+    pub encoders: [i32; 3],
+    /// Gimbal counts.
+    pub gimbal: [i16; 3],
+    /// [`button`] bits that are pressed.
+    pub buttons: u8,
+    /// Whether the drive applies torque (active or holding).
+    pub drive_active: bool,
+}
+
+/// What a person may ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Request {
+    /// Take a tool; an index beyond the set is ignored.
+    SelectTool(u8),
+    /// Spindle on or off.
+    Spindle(bool),
+    /// Pause or go on.
+    Pause(bool),
+    /// Back to the uncut bone.
+    Reset,
+}
+
+/// What one tick made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TickOutput {
+    /// Joint torques for the device, DAC counts.
+    pub torque: [i16; 3],
+    /// Gimbal centre in the base frame, mm, from this tick's sample (or the last one).
+    pub stylus_in_base: DVec3,
+    /// Where the hand holds the tool.
+    pub bone_from_device: Pose,
+    /// Where the tool is shown and cuts.
+    pub bone_from_tool: Pose,
+    /// Force on the hand, bone frame, N.
+    pub force_n: DVec3,
+    /// Index of the tool in hand.
+    pub tool: u8,
+    /// Whether the spindle is switched on.
+    pub spindle_on: bool,
+    /// Whether the session is paused.
+    pub paused: bool,
+    /// The tool appeared inside bone: no force until it is pulled free.
+    pub embedded: bool,
+    /// Whether this tick had a fresh, plausible sample.
+    pub fresh: bool,
+    /// Counts resets.
+    pub epoch: u32,
+    /// Carved steps, in order; the first `carved_len` count.
+    pub carved: [CarveStep; MAX_SUBSTEPS],
+    /// Number of carved steps.
+    pub carved_len: usize,
+    /// Occupancy units removed since the reset, by tissue class, after this tick.
+    pub removed_by_class: [i64; crate::tissue::TISSUES],
+}
+
+/// What a servo is made from.
+#[derive(Debug, Clone)]
+pub struct ServoSetup {
+    /// The bone.
+    pub bone: Arc<Bone>,
+    /// Tools, at most [`MAX_TOOLS`]; at least one.
+    pub tools: Vec<Tool>,
+    /// Registration.
+    pub bone_from_base: Pose,
+    /// Meaning of the device's numbers.
+    pub device: DeviceScale,
+    /// Force limit asked for by the user, N.
+    pub force_limit_n: f64,
+    /// Coupling and cutting law.
+    pub contact: ContactConfig,
+}
+
+/// A past, plausible position.
+#[derive(Debug, Clone, Copy)]
+struct Track {
+    time_micros: u32,
+    position: DVec3,
+    velocity_mm_s: DVec3,
+}
+
+/// The state of the servo.
+#[derive(Debug, Clone)]
+pub struct Servo {
+    setup: ServoSetup,
+    cut: Cut,
+    contacts: Contacts,
+    chain: OutputChain,
+    track: Option<Track>,
+    angles: DVec3,
+    bone_from_device: Pose,
+    proxy: Pose,
+    missing: u32,
+    implausible_run: u32,
+    tool: u8,
+    spindle_on: bool,
+    spindle_share: f64,
+    paused: bool,
+    check_embedded: bool,
+    embedded: bool,
+    buttons: u8,
+    deaf: [u32; 2],
+}
+
+impl Servo {
+    /// Allocates all that the ticks need. `None` where there is no tool or more than [`MAX_TOOLS`].
+    pub fn new(setup: ServoSetup) -> Option<Self> {
+        if setup.tools.is_empty() || setup.tools.len() > MAX_TOOLS {
+            return None;
+        }
+        Some(Self {
+            cut: Cut::new(&setup.bone),
+            contacts: Contacts::new(),
+            chain: OutputChain::new(setup.force_limit_n),
+            track: None,
+            angles: omni::DOCK,
+            bone_from_device: Pose::IDENTITY,
+            proxy: Pose::IDENTITY,
+            missing: 0,
+            implausible_run: 0,
+            tool: 0,
+            spindle_on: false,
+            spindle_share: 0.0,
+            paused: false,
+            check_embedded: true,
+            embedded: false,
+            buttons: 0,
+            deaf: [0; 2],
+            setup,
+        })
+    }
+
+    /// The bone.
+    pub fn bone(&self) -> &Arc<Bone> {
+        &self.setup.bone
+    }
+
+    /// The cut as the servo has it.
+    pub fn cut(&self) -> &Cut {
+        &self.cut
+    }
+
+    /// What the output guards had to do so far.
+    pub fn guards(&self) -> GuardCounts {
+        self.chain.counts
+    }
+
+    /// One servo tick of 1 ms. `sample` is the newest one that has not been used yet, `None` where
+    /// none came.
+    pub fn tick(&mut self, sample: Option<&Sample>, requests: &[Request]) -> TickOutput {
+        for request in requests {
+            self.request(*request);
+        }
+        let mut output = self.blank_output();
+        let accepted = sample.and_then(|s| self.accept(s).map(|v| (s, v)));
+        let force_in_base = match accepted {
+            Some((sample, velocity)) => {
+                self.missing = 0;
+                self.press_buttons(sample.buttons);
+                self.spin();
+                let spring = self.interact(&mut output);
+                self.emit(spring, velocity, sample.drive_active)
+            }
+            None => {
+                self.missing = self.missing.saturating_add(1);
+                self.chain.hold(self.missing)
+            }
+        };
+        output.fresh = accepted.is_some();
+        self.finish(output, force_in_base)
+    }
+
+    fn request(&mut self, request: Request) {
+        match request {
+            Request::SelectTool(tool) if usize::from(tool) < self.setup.tools.len() => {
+                if tool != self.tool {
+                    self.tool = tool;
+                    self.start_over();
+                }
+            }
+            Request::SelectTool(_) => {}
+            Request::Spindle(on) => self.spindle_on = on,
+            Request::Pause(paused) => {
+                self.paused = paused;
+                self.start_over();
+            }
+            Request::Reset => {
+                self.cut.reset(self.cut.epoch().wrapping_add(1));
+                self.start_over();
+            }
+        }
+    }
+
+    /// The proxy begins anew at the device, and the force from zero.
+    fn start_over(&mut self) {
+        self.contacts.release();
+        self.chain.off(GAP_RAMP_TICKS);
+        self.check_embedded = true;
+    }
+
+    /// Kinematics and plausibility of a sample; its velocity in mm/s, or `None` where it is refused.
+    fn accept(&mut self, sample: &Sample) -> Option<DVec3> {
+        let device = self.setup.device;
+        let angles = omni::angles_from_counts(sample.encoders, device.counts_per_rev);
+        let gimbal = omni::gimbal_from_counts(sample.gimbal, device.gimbal_counts_per_rev);
+        let base_from_stylus = omni::stylus(angles, gimbal);
+        let position = base_from_stylus.translation;
+        if !base_from_stylus.is_valid() {
+            self.chain.counts.not_finite += 1;
+            return None;
+        }
+        let velocity = match self.track {
+            Some(track) => {
+                let ms = f64::from(sample.time_micros.wrapping_sub(track.time_micros)) * 1e-3;
+                let ms = ms.clamp(0.1, 1000.0);
+                let expected = track.position + track.velocity_mm_s * (ms * 1e-3);
+                let plausible = (position - expected).length() <= MAX_ACCELERATION_MM_MS2 * ms * ms;
+                if !plausible && self.implausible_run < RESYNC_AFTER {
+                    self.implausible_run += 1;
+                    self.chain.counts.implausible += 1;
+                    return None;
+                }
+                if plausible {
+                    (position - track.position) / (ms * 1e-3)
+                } else {
+                    self.start_over();
+                    DVec3::ZERO
+                }
+            }
+            None => DVec3::ZERO,
+        };
+        if self.missing >= ZERO_TICKS {
+            self.start_over();
+        }
+        self.implausible_run = 0;
+        self.track = Some(Track {
+            time_micros: sample.time_micros,
+            position,
+            velocity_mm_s: velocity,
+        });
+        self.angles = angles;
+        self.bone_from_device = self.setup.bone_from_base.then(&base_from_stylus);
+        Some(velocity)
+    }
+
+    fn press_buttons(&mut self, buttons: u8) {
+        for (i, bit) in [button::SPINDLE, button::NEXT_TOOL].into_iter().enumerate() {
+            self.deaf[i] = self.deaf[i].saturating_sub(1);
+            let changed = (buttons ^ self.buttons) & bit != 0;
+            if !changed || self.deaf[i] > 0 {
+                continue;
+            }
+            self.buttons ^= bit;
+            self.deaf[i] = BUTTON_DEAF_TICKS;
+            if buttons & bit == 0 {
+                continue;
+            }
+            if bit == button::SPINDLE {
+                self.spindle_on = !self.spindle_on;
+            } else {
+                let next = (usize::from(self.tool) + 1) % self.setup.tools.len();
+                self.request(Request::SelectTool(next as u8));
+            }
+        }
+    }
+
+    fn spin(&mut self) {
+        let step = self.setup.contact.tick_s / SPIN_UP_S;
+        // it stops at once: a tool that runs down does not cut
+        self.spindle_share = if self.spindle_on && !self.paused {
+            (self.spindle_share + step).min(1.0)
+        } else {
+            0.0
+        };
+    }
+
+    /// Moves the proxy towards the device and carves; the coupling's force in the bone frame, N.
+    fn interact(&mut self, output: &mut TickOutput) -> DVec3 {
+        let bone = Arc::clone(&self.setup.bone);
+        if self.paused || !self.in_reach(&bone) {
+            self.proxy = self.bone_from_device;
+            self.contacts.release();
+            if !self.paused {
+                self.check_embedded = false;
+                self.embedded = false;
+            }
+            return DVec3::ZERO;
+        }
+        if (self.check_embedded || self.embedded) && self.still_embedded(&bone) {
+            return DVec3::ZERO;
+        }
+        self.turn_proxy();
+        for _ in 0..MAX_SUBSTEPS {
+            if self.substep(&bone, output) {
+                break;
+            }
+        }
+        let error = self.bone_from_device.translation - self.proxy.translation;
+        coupling_force(error, self.chain.limit_n(), &self.setup.contact)
+    }
+
+    /// Broad phase: could the tool, anywhere between proxy and device, touch the bone's box?
+    fn in_reach(&self, bone: &Bone) -> bool {
+        let tool = &self.setup.tools[usize::from(self.tool)];
+        let (lo, hi) = bone.bounds();
+        let bone_box = Obb::aligned(lo, hi);
+        let way = (self.bone_from_device.translation - self.proxy.translation).length();
+        let way = if self.check_embedded { 0.0 } else { way };
+        let margin = bone.grid().band_mm() + way;
+        Obb::of_tool(&tool.shape.bounds(), &self.bone_from_device, margin).overlaps(&bone_box)
+    }
+
+    /// After a jump, a tool change or a reset: the proxy stays with the hand, without force, while
+    /// the tool is inside bone.
+    fn still_embedded(&mut self, bone: &Bone) -> bool {
+        self.proxy = self.bone_from_device;
+        self.gather(bone, 0.0);
+        self.embedded = self.contacts.deepest_mm() > EMBEDDED_MM;
+        self.check_embedded = false;
+        if self.embedded {
+            self.chain.off(GAP_RAMP_TICKS);
+            self.contacts.release();
+        }
+        self.embedded
+    }
+
+    /// The proxy's rotation follows the hand's: freely in air, at most
+    /// [`TURN_RAD_PER_TICK`] while it touches.
+    fn turn_proxy(&mut self) {
+        let target = self.bone_from_device.rotation;
+        let turn = self.proxy.rotation.angle_between(target);
+        self.proxy.rotation = if self.contacts.is_free() || turn <= TURN_RAD_PER_TICK {
+            target
+        } else {
+            self.proxy.rotation.slerp(target, TURN_RAD_PER_TICK / turn)
+        };
+    }
+
+    fn gather(&mut self, bone: &Bone, share: f64) {
+        let tool = &self.setup.tools[usize::from(self.tool)];
+        let state = ToolState {
+            tool,
+            bone_from_tool: self.proxy,
+            omega_rad_s: share * tool.rpm * TAU / 60.0,
+        };
+        self.contacts
+            .gather(bone, &self.cut, &state, &self.setup.contact);
+    }
+
+    /// One proxy step of at most half a voxel; true where the proxy has arrived.
+    fn substep(&mut self, bone: &Bone, output: &mut TickOutput) -> bool {
+        let longest = 0.5 * bone.grid().spacing_mm.min_element();
+        let error = self.bone_from_device.translation - self.proxy.translation;
+        self.gather(bone, self.spindle_share);
+        let limit = self.chain.limit_n();
+        let solution = self.contacts.solve(error, limit, &self.setup.contact);
+        let length = solution.delta.length();
+        let arrived = length <= longest;
+        let delta = if arrived {
+            solution.delta
+        } else {
+            solution.delta * (longest / length)
+        };
+        if !delta.is_finite() {
+            self.chain.counts.not_finite += 1;
+            return true;
+        }
+        if self.contacts.advance_mm(delta) > 2.0 * YIELD_EPS_MM {
+            self.advance(bone, delta, output);
+        } else {
+            self.proxy.translation += self.contacts.without_creep(delta);
+        }
+        arrived
+    }
+
+    /// The proxy goes through bone: carve what it sweeps.
+    fn advance(&mut self, bone: &Bone, delta: DVec3, output: &mut TickOutput) {
+        let mut after = self.proxy;
+        after.translation += delta;
+        let step = CarveStep {
+            tool: self.tool,
+            before: self.proxy,
+            after,
+        };
+        let tool = &self.setup.tools[usize::from(self.tool)];
+        carve(bone, &mut self.cut, tool, &step, &mut |_, _| {});
+        self.proxy = after;
+        output.carved[output.carved_len] = step;
+        output.carved_len += 1;
+    }
+
+    /// Force for the hand through the output chain, base frame, N.
+    fn emit(&mut self, spring_in_bone: DVec3, velocity: DVec3, drive_active: bool) -> DVec3 {
+        if !drive_active {
+            // the first ramp is the long one; after a trip the short one
+            let ramp = if self.chain.limit_n() > 0.0 {
+                Some(GAP_RAMP_TICKS)
+            } else {
+                None
+            };
+            if let Some(ticks) = ramp {
+                self.chain.off(ticks);
+            }
+            return DVec3::ZERO;
+        }
+        let base_from_bone = self.setup.bone_from_base.inverse();
+        self.chain
+            .step(base_from_bone.vector(spring_in_bone), velocity)
+    }
+
+    fn blank_output(&self) -> TickOutput {
+        TickOutput {
+            torque: [0; 3],
+            stylus_in_base: DVec3::ZERO,
+            bone_from_device: self.bone_from_device,
+            bone_from_tool: self.proxy,
+            force_n: DVec3::ZERO,
+            tool: self.tool,
+            spindle_on: self.spindle_on,
+            paused: self.paused,
+            embedded: self.embedded,
+            fresh: false,
+            epoch: self.cut.epoch(),
+            carved: [CarveStep {
+                tool: 0,
+                before: Pose::IDENTITY,
+                after: Pose::IDENTITY,
+            }; MAX_SUBSTEPS],
+            carved_len: 0,
+            removed_by_class: self.cut.totals().by_class,
+        }
+    }
+
+    fn finish(&mut self, mut output: TickOutput, force_in_base: DVec3) -> TickOutput {
+        output.torque = self.torque_counts(force_in_base);
+        output.stylus_in_base = omni::forward(self.angles);
+        output.bone_from_device = self.bone_from_device;
+        output.bone_from_tool = self.proxy;
+        output.force_n = self.setup.bone_from_base.vector(force_in_base);
+        output.tool = self.tool;
+        output.spindle_on = self.spindle_on;
+        output.embedded = self.embedded;
+        output.epoch = self.cut.epoch();
+        output.removed_by_class = self.cut.totals().by_class;
+        output
+    }
+
+    /// Jᵀ F in DAC counts; the vector is scaled into the range, never an axis alone.
+    fn torque_counts(&mut self, force_in_base: DVec3) -> [i16; 3] {
+        let device = self.setup.device;
+        let torque = omni::torque_from_force(self.angles, force_in_base) / device.nmm_per_count;
+        if !torque.is_finite() {
+            self.chain.counts.not_finite += 1;
+            return [0; 3];
+        }
+        let largest = torque.abs().max_element();
+        let most = f64::from(device.dac_max);
+        let scale = if largest > most { most / largest } else { 1.0 };
+        // |value| ≤ dac_max: the cast cannot wrap
+        (torque * scale).round().to_array().map(|v| v as i16)
+    }
+}
