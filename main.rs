@@ -1,1 +1,67 @@
-fn main() {}
+//! `osteon`: one program, one sub-command for each process and report.
+
+use clap::{Parser, Subcommand};
+use osteon_firmware_bridge::{doctor, fake, haptics, launcher};
+use std::process::ExitCode;
+
+/// Haptic bone-reaming simulator for clinical labs, and the test bench that proves it.
+///
+/// Without a sub-command it runs the demonstration: a simulated haptic device, the haptics process and
+/// the viewer; a scripted hand drills a peg hole and reams the glenoid of a built-in scapula.
+/// A training simulator, not a medical device.
+#[derive(Debug, Parser)]
+#[command(name = "osteon", version)]
+struct Cli {
+    #[command(subcommand)]
+    task: Option<Task>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Task {
+    /// Start everything, drill and ream with a scripted hand, report
+    Demo(launcher::DemoArgs),
+    /// Own the haptic device and run the 1 kHz force loop; viewers connect to its socket
+    Haptics(haptics::HapticsArgs),
+    /// Show a running session
+    View(osteon_viewer::ViewArgs),
+    /// Simulated haptic device behind a serial port
+    FakeOmni(fake::FakeArgs),
+    /// Say what this machine can do: real-time rights, ports, display, graphics
+    Doctor(doctor::DoctorArgs),
+}
+
+#[derive(Debug, Parser)]
+struct DefaultDemo {
+    #[command(flatten)]
+    args: launcher::DemoArgs,
+}
+
+#[expect(clippy::print_stderr, reason = "the error line of a command-line program")]
+fn main() -> ExitCode {
+    let task = Cli::parse().task.unwrap_or_else(|| {
+        Task::Demo(DefaultDemo::parse_from(["osteon"]).args)
+    });
+    let result = match task {
+        Task::Demo(args) => launcher::run(&args, screen),
+        Task::Haptics(args) => haptics::run(&args),
+        Task::View(args) => osteon_viewer::run(args),
+        Task::FakeOmni(args) => fake::run(&args),
+        Task::Doctor(args) => doctor::run(&args, screen),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("osteon: {e:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// What the viewer could show here.
+fn screen() -> launcher::Screen {
+    let probe = osteon_viewer::probe();
+    launcher::Screen {
+        no_window: (!probe.display).then_some(probe.display_note),
+        adapter: probe.adapter.map(|a| format!("{} ({})", a.name, a.backend)),
+    }
+}

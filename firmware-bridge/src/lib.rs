@@ -1,1 +1,19 @@
-//! firmware-bridge
+//! The haptics process of Osteon and everything that opens, waits or logs around the numbers.
+//!
+//! * [`link`]: devices on a cable; [`fake`]: a simulated one as a process of its own.
+//! * [`scene`]: a bone from a CT or from the built-in phantom.
+//! * [`haptics`]: the servo thread, its publisher, its sessions; [`rt`]: what it asks of the system.
+//! * [`launcher`]: the demonstration; [`doctor`]: what this machine can do.
+//!
+//! **Invariants.** No graphics crate and no async runtime in this crate's tree. The servo thread
+//! allocates nothing, takes no lock, opens and logs nothing once it runs; nothing that a viewer does
+//! reaches it but accepted requests.
+
+pub mod doctor;
+pub mod fake;
+pub mod haptics;
+pub mod launcher;
+pub mod link;
+pub mod progress;
+pub mod rt;
+pub mod scene;

@@ -2,18 +2,28 @@
 //!
 //! The device's clock is the master: it sends a [`StateFrame`] every millisecond unasked. All
 //! numbers on this wire are raw (encoder counts, DAC counts); kinematics and torque maps live on the
-//! host. Integers only, so that a NaN cannot exist here.
+//! host. Integers only, so that a NaN cannot exist here, and of fixed width (little endian), so
+//! that every message has one size.
 
 use serde::{Deserialize, Serialize};
 
 /// Version of the device link. A host refuses a device of another version and says so.
 pub const DEVICE_VERSION: u16 = 1;
 
-/// Hash of the message layout (FNV-1a over the layout's description); differs when a field changes
-/// although the version was forgotten.
-pub const DEVICE_SCHEMA: u32 = crate::crc32c::fnv1a(
-    b"osteon-device/1 Hello State Challenge | HelloRequest Command Home Arm ArmConfirm Disarm",
-);
+/// The layout of every message, tags and fields in the order of their bytes. Whoever changes a
+/// message changes this text in the same commit; the golden tests hold its hash.
+pub const DEVICE_LAYOUT: &str = "osteon-device/1; to host: \
+    0 Hello version:u16 schema:u32 model:u16 serial:u32 counts_per_rev:u32 \
+    gimbal_counts_per_rev:u16 dac_max:i16 micro_nm_per_count:u16 period_micros:u16, \
+    1 State seq:u16 time_micros:u32 encoders:i32x3 gimbal:i16x3 switches:u8 drive:u8 faults:u16 \
+    applied:i16x3 temperature:i8x3 ack:u16 crc_errors:u8 refused:u8 trips:u8, \
+    2 Challenge nonce:u32; to device: \
+    0 HelloRequest version:u16 schema:u32, \
+    1 Command seq:u16 state_seq:u16 torque:i16x3 enable:u8, \
+    2 Home, 3 Arm, 4 ArmConfirm nonce:u32, 5 Disarm";
+
+/// FNV-1a of [`DEVICE_LAYOUT`]: tells two layouts apart although a version number was forgotten.
+pub const DEVICE_SCHEMA: u32 = crate::crc32c::fnv1a(DEVICE_LAYOUT.as_bytes());
 
 /// Drive states, in the order of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -68,22 +78,31 @@ pub mod switch {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceHello {
     /// [`DEVICE_VERSION`] of the device.
+    #[serde(with = "postcard::fixint::le")]
     pub version: u16,
     /// [`DEVICE_SCHEMA`] of the device.
+    #[serde(with = "postcard::fixint::le")]
     pub schema: u32,
     /// Kinematic model: 1 = Omni-class arm (two links of 133.35 mm).
+    #[serde(with = "postcard::fixint::le")]
     pub model: u16,
     /// Serial number.
+    #[serde(with = "postcard::fixint::le")]
     pub serial: u32,
     /// Encoder counts per joint revolution.
+    #[serde(with = "postcard::fixint::le")]
     pub counts_per_rev: u32,
     /// Gimbal sensor counts per revolution.
+    #[serde(with = "postcard::fixint::le")]
     pub gimbal_counts_per_rev: u16,
     /// Largest torque command, DAC counts.
+    #[serde(with = "postcard::fixint::le")]
     pub dac_max: i16,
     /// Joint torque of one DAC count, µN·m.
+    #[serde(with = "postcard::fixint::le")]
     pub micro_nm_per_count: u16,
     /// Period of the state stream, µs.
+    #[serde(with = "postcard::fixint::le")]
     pub period_micros: u16,
 }
 
@@ -91,24 +110,31 @@ pub struct DeviceHello {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StateFrame {
     /// Counts frames; wraps.
+    #[serde(with = "postcard::fixint::le")]
     pub seq: u16,
     /// Device clock at the sampling of the encoders, µs; wraps after 71 minutes.
+    #[serde(with = "postcard::fixint::le")]
     pub time_micros: u32,
     /// Joint encoders (waist, shoulder, elbow as *motor* angles), counts from the homing pose.
+    #[serde(with = "crate::fixed::i32x3")]
     pub encoders: [i32; 3],
     /// Gimbal angles (yaw, pitch, roll), counts from zero, absolute.
+    #[serde(with = "crate::fixed::i16x3")]
     pub gimbal: [i16; 3],
     /// [`switch`] bits.
     pub switches: u8,
     /// State of the drive.
     pub drive: DriveState,
     /// [`fault`] bits.
+    #[serde(with = "postcard::fixint::le")]
     pub faults: u16,
     /// Torque applied at the sampling of the encoders, DAC counts, after the device's own limits.
+    #[serde(with = "crate::fixed::i16x3")]
     pub applied: [i16; 3],
     /// Winding temperatures, °C.
     pub temperature: [i8; 3],
-    /// `seq` of the newest command accepted (0 before the first).
+    /// `seq` of the newest command accepted; 0 before the first after a hello or an arming.
+    #[serde(with = "postcard::fixint::le")]
     pub ack: u16,
     /// Frames refused for a bad CRC or a bad shape; wraps.
     pub crc_errors: u8,
@@ -122,11 +148,14 @@ pub struct StateFrame {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CommandFrame {
     /// Counts commands from 1; wraps to 1. The device refuses a stale or repeated one (serial-number
-    /// arithmetic on 16 bits).
+    /// arithmetic on 16 bits); a hello and an arming make it forget the last one.
+    #[serde(with = "postcard::fixint::le")]
     pub seq: u16,
     /// `seq` of the state that this command answers.
+    #[serde(with = "postcard::fixint::le")]
     pub state_seq: u16,
     /// Joint torques, DAC counts.
+    #[serde(with = "crate::fixed::i16x3")]
     pub torque: [i16; 3],
     /// True asks the drive to go from Armed to Active; false asks it back to Armed (zero torque).
     pub enable: bool,
@@ -142,6 +171,7 @@ pub enum DeviceMessage {
     /// Answer to [`HostMessage::Arm`]: send the nonce back within 500 ms.
     Challenge {
         /// Random number that the host must repeat.
+        #[serde(with = "postcard::fixint::le")]
         nonce: u32,
     },
 }
@@ -152,8 +182,10 @@ pub enum HostMessage {
     /// Ask who the device is.
     HelloRequest {
         /// [`DEVICE_VERSION`] of the host.
+        #[serde(with = "postcard::fixint::le")]
         version: u16,
         /// [`DEVICE_SCHEMA`] of the host.
+        #[serde(with = "postcard::fixint::le")]
         schema: u32,
     },
     /// A torque command.
@@ -165,6 +197,7 @@ pub enum HostMessage {
     /// Second step of arming.
     ArmConfirm {
         /// The nonce of [`DeviceMessage::Challenge`].
+        #[serde(with = "postcard::fixint::le")]
         nonce: u32,
     },
     /// Motors off; clears a latched fault.

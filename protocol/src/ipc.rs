@@ -1,7 +1,8 @@
 //! Messages between the haptics process and a viewer. See `WIRE.md`, part 2.
 //!
 //! Units: mm, N, s; positions in the bone frame (along the lattice, origin at the centre of voxel
-//! (0, 0, 0)). Quaternions are (x, y, z, w), unit length.
+//! (0, 0, 0)). Quaternions are (x, y, z, w), unit length. Texts without a limit of their own hold at
+//! most 1024 bytes ([`crate::ipc_frame::MAX_TEXT`]).
 
 use serde::{Deserialize, Serialize};
 
@@ -71,6 +72,7 @@ pub struct BonePiece {
     pub bony: u64,
     /// LZ4 block of [`PIECE_BYTES`] bytes: density i16 LE ×32768, solid i16 LE ×32768, class u8
     /// ×32768, label u8 ×32768; brick-major.
+    #[serde(with = "crate::bytes")]
     pub lz4: Vec<u8>,
 }
 
@@ -135,6 +137,7 @@ pub struct Bricks {
     /// (chunk, brick) of each, at most [`MAX_BRICKS`].
     pub ids: Vec<(u32, u8)>,
     /// LZ4 block of `ids.len()` × [`BRICK_BYTES`] bytes: cut distance i16 LE ×512 a brick.
+    #[serde(with = "crate::bytes")]
     pub lz4: Vec<u8>,
 }
 

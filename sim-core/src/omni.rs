@@ -47,8 +47,8 @@ pub fn forward(t: DVec3) -> DVec3 {
     )
 }
 
-/// Derivative of [`forward`] in mm/rad; column *i* belongs to joint *i*. Singular where the gimbal
-/// is on the waist's axis and where the bend is ±90° (both outside the stops' usual range).
+/// Derivative of [`forward`] in mm/rad; column *i* belongs to joint *i*. Singular where the bend is
+/// ±90° (beyond the stops) and where the gimbal is on the waist's axis (arm folded back and up).
 pub fn jacobian(t: DVec3) -> DMat3 {
     let (s1, c1) = sin_cos(t.x);
     let (s2, c2) = sin_cos(t.y);

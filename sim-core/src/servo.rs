@@ -33,6 +33,10 @@ const EMBEDDED_MM: f64 = 0.25;
 const SPIN_UP_S: f64 = 0.3;
 /// Turning of the proxy while it touches bone, rad per tick at most (3 rad/s).
 const TURN_RAD_PER_TICK: f64 = 0.003;
+/// The tool enters the scene in front of the joint: nearer to the plan's axis than this, mm …
+const GATE_RADIUS_MM: f64 = 30.0;
+/// … and at least this far outside the plan's origin, mm.
+const GATE_HEIGHT_MM: f64 = 4.0;
 /// Ticks that a button is deaf after an edge (contact bounce).
 const BUTTON_DEAF_TICKS: u32 = 30;
 
@@ -70,6 +74,8 @@ pub struct Sample {
     pub buttons: u8,
     /// Whether the drive applies torque (active or holding).
     pub drive_active: bool,
+    /// Whether the stylus rests in its dock.
+    pub docked: bool,
 }
 
 /// What a person may ask for.
@@ -106,6 +112,8 @@ pub struct TickOutput {
     pub paused: bool,
     /// The tool appeared inside bone: no force until it is pulled free.
     pub embedded: bool,
+    /// The tool has not yet come in front of the joint since it left the dock: no contact.
+    pub waiting: bool,
     /// Whether this tick had a fresh, plausible sample.
     pub fresh: bool,
     /// Counts resets.
@@ -125,8 +133,10 @@ pub struct ServoSetup {
     pub bone: Arc<Bone>,
     /// Tools, at most [`MAX_TOOLS`]; at least one.
     pub tools: Vec<Tool>,
-    /// Registration.
+    /// Registration ([`crate::register::bone_from_base`]).
     pub bone_from_base: Pose,
+    /// The plan: origin at the glenoid's centre, z outward.
+    pub bone_from_plan: Pose,
     /// Meaning of the device's numbers.
     pub device: DeviceScale,
     /// Force limit asked for by the user, N.
@@ -162,6 +172,7 @@ pub struct Servo {
     paused: bool,
     check_embedded: bool,
     embedded: bool,
+    waiting: bool,
     buttons: u8,
     deaf: [u32; 2],
 }
@@ -188,6 +199,7 @@ impl Servo {
             paused: false,
             check_embedded: true,
             embedded: false,
+            waiting: true,
             buttons: 0,
             deaf: [0; 2],
             setup,
@@ -222,6 +234,7 @@ impl Servo {
                 self.missing = 0;
                 self.press_buttons(sample.buttons);
                 self.spin();
+                self.pass_gate(sample.docked);
                 let spring = self.interact(&mut output);
                 self.emit(spring, velocity, sample.drive_active)
             }
@@ -328,6 +341,21 @@ impl Servo {
         }
     }
 
+    /// From the dock the hand reaches the joint through the bone's own place in the workspace (the
+    /// patient is virtual, the way is not): contact begins when the tip has come in front of the
+    /// joint.
+    fn pass_gate(&mut self, docked: bool) {
+        let plan_from_bone = self.setup.bone_from_plan.inverse();
+        let tip = plan_from_bone.point(self.bone_from_device.translation);
+        if docked {
+            self.waiting = true;
+        } else if self.waiting && tip.z > GATE_HEIGHT_MM && tip.truncate().length() < GATE_RADIUS_MM
+        {
+            self.waiting = false;
+            self.start_over();
+        }
+    }
+
     fn spin(&mut self) {
         let step = self.setup.contact.tick_s / SPIN_UP_S;
         // it stops at once: a tool that runs down does not cut
@@ -341,10 +369,11 @@ impl Servo {
     /// Moves the proxy towards the device and carves; the coupling's force in the bone frame, N.
     fn interact(&mut self, output: &mut TickOutput) -> DVec3 {
         let bone = Arc::clone(&self.setup.bone);
-        if self.paused || !self.in_reach(&bone) {
+        let idle = self.paused || self.waiting;
+        if idle || !self.in_reach(&bone) {
             self.proxy = self.bone_from_device;
             self.contacts.release();
-            if !self.paused {
+            if !idle {
                 self.check_embedded = false;
                 self.embedded = false;
             }
@@ -483,6 +512,7 @@ impl Servo {
             spindle_on: self.spindle_on,
             paused: self.paused,
             embedded: self.embedded,
+            waiting: self.waiting,
             fresh: false,
             epoch: self.cut.epoch(),
             carved: [CarveStep {
@@ -504,6 +534,7 @@ impl Servo {
         output.tool = self.tool;
         output.spindle_on = self.spindle_on;
         output.embedded = self.embedded;
+        output.waiting = self.waiting;
         output.epoch = self.cut.epoch();
         output.removed_by_class = self.cut.totals().by_class;
         output

@@ -260,3 +260,40 @@ fn poses_that_are_no_poses_carve_nothing() {
         assert_eq!(cut.digest(&bone).changed_chunks, 0);
     }
 }
+
+#[test]
+fn merged_copies_make_the_same_cut_and_the_same_account() {
+    use osteon_sim_core::merge::{CopyPlace, merge};
+    let bone = slab(DVec3::new(46.0, 46.0, 24.0), DVec3::splat(0.8), 18.0, 1.0);
+    let tool = Tool::glenoid_reamer();
+    let whole = plunge(&bone, &tool, DVec3::new(23.0, 23.0, 18.0), DVec3::Z, 2.0);
+    // a mirror that saw only the first half, then gets copies
+    let mut mirror = plunge(&bone, &tool, DVec3::new(23.0, 23.0, 18.0), DVec3::Z, 1.0);
+    let missing = whole.totals().units() - mirror.totals().units();
+    assert!(missing > 0);
+    for chunk in 0..bone.chunk_count() {
+        for brick in 0..64 {
+            for first in (0..512).step_by(64) {
+                if let Some(values) = whole.brick(chunk, brick) {
+                    let place = CopyPlace {
+                        chunk,
+                        brick,
+                        first,
+                        tool: 0,
+                    };
+                    merge(&bone, &mut mirror, place, &values[first..first + 64]);
+                }
+            }
+        }
+    }
+    mirror.set_revision(whole.revision());
+    assert_eq!(mirror.digest(&bone), whole.digest(&bone));
+    assert_eq!(mirror.totals(), whole.totals());
+    let outside = CopyPlace {
+        chunk: 99_999,
+        brick: 0,
+        first: 0,
+        tool: 0,
+    };
+    assert!(!merge(&bone, &mut mirror, outside, &[0; 64]));
+}

@@ -1,1 +1,71 @@
-//! viewer
+//! The desktop program of Osteon: it connects to the haptics process, keeps a copy of bone and
+//! cut, and shows it with force, depth and rates; commands go back.
+//!
+//! Millimetres, newtons, seconds; positions in the bone frame.
+//!
+//! **Invariants.** Nothing here can hold up the haptics process: the link is read by a thread of
+//! its own, and a viewer that stops reading is only behind. Nothing that comes over the link is
+//! trusted, and none of it makes this process panic. The viewer opens no device and computes no
+//! force.
+#![forbid(unsafe_code)]
+
+mod adapter;
+mod app;
+mod bricks;
+mod camera;
+mod cli;
+mod history;
+mod link;
+mod mirror;
+mod offscreen;
+mod palette;
+mod panels;
+mod render;
+mod report;
+mod screenshot;
+mod session;
+mod system;
+#[cfg(test)]
+mod testing;
+
+pub use adapter::{AdapterBrief, Probe, probe};
+pub use cli::ViewArgs;
+
+use session::Manners;
+
+/// Shows a session until it ends, the window is closed or `--seconds` are over. The process may
+/// start itself again first, to bound the threads of a software renderer: call this from `main`
+/// of a program whose arguments lead here, before anything else is started.
+pub fn run(args: ViewArgs) -> anyhow::Result<()> {
+    if args.die_with_parent {
+        system::die_with_parent();
+    }
+    system::bound_raster_threads();
+    run_here(args)
+}
+
+/// [`run`] without starting the process again.
+fn run_here(args: ViewArgs) -> anyhow::Result<()> {
+    let core_left_free = system::avoid_core(args.avoid_core);
+    let manners = move |is_cpu: bool| Manners {
+        priority: if is_cpu {
+            system::lower_priority()
+        } else {
+            "normal priority".into()
+        },
+        core_left_free,
+    };
+    match args.offscreen.clone() {
+        Some(out) => offscreen::run(&args, &out, manners),
+        None => app::run(args, manners),
+    }
+}
+
+/// A line for people on stderr.
+#[expect(
+    clippy::print_stderr,
+    reason = "the viewer's one way to tell the terminal something"
+)]
+fn say(line: &str) {
+    eprintln!("osteon view: {line}");
+}

@@ -77,6 +77,7 @@ impl Rig {
             bone,
             tools: Tool::standard_set(),
             bone_from_base: Pose::new(DQuat::IDENTITY, origin),
+            bone_from_plan: Pose::new(DQuat::IDENTITY, origin),
             device: FINE,
             force_limit_n: 3.3,
             contact: ContactConfig::default(),
@@ -109,6 +110,7 @@ impl Rig {
                 .map(|v| v as i16),
             buttons: 0,
             drive_active: self.active,
+            docked: false,
         }
     }
 

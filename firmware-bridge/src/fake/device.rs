@@ -1,0 +1,159 @@
+//! The simulated device as a whole, in its own time: drive, arm and hand, one millisecond a tick.
+//!
+//! No I/O and no clock: the pty loop drives it in real time, a lockstep test as fast as it can.
+
+use super::firmware::{Firmware, Sensors};
+use super::hand::{HAND_KG, Hand};
+use super::limits::PERIOD_MICROS;
+use super::plant::{ArmParameters, Plant, STEP_S, SUBSTEPS, gimbal_counts};
+use super::stroke::Stroke;
+use glam::DVec3;
+use osteon_protocol::device::{DeviceMessage, DriveState, HostMessage, StateFrame, switch};
+use osteon_sim_core::omni;
+
+/// Ground truth at the sampling of one state frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Truth {
+    /// The frame's device time, µs; wraps with it.
+    pub time_micros: u32,
+    /// The frame's number.
+    pub seq: u16,
+    /// True gimbal centre, base frame, mm.
+    pub gimbal_mm: DVec3,
+    /// State of the drive.
+    pub drive: DriveState,
+    /// True where the amplifiers are on.
+    pub motors_on: bool,
+    /// Torque that the motors give at this moment, N·mm.
+    pub torque_nmm: DVec3,
+    /// Force of the hand on the stylus, base frame, N.
+    pub hand_n: DVec3,
+    /// Segment of the stroke: −1 in the dock, their number at the end.
+    pub segment: i32,
+}
+
+/// The simulated device.
+#[derive(Debug, Clone)]
+pub struct Device {
+    firmware: Firmware,
+    plant: Plant,
+    hand: Hand,
+    now_micros: u64,
+    gimbal: [i16; 3],
+    sensors: Sensors,
+}
+
+impl Device {
+    /// A device at power-up, its stylus in the dock. `seed` makes nonces and the encoders' power-up
+    /// values.
+    pub fn new(stroke: Stroke, seed: u64) -> Self {
+        let grip = ArmParameters {
+            grip_kg: HAND_KG,
+            ..ArmParameters::default()
+        };
+        // Any start value does, as homing takes it away again; in ±32 767.
+        let bytes = seed.rotate_left(5).to_le_bytes();
+        let power_up = [0, 2, 4].map(|at| i16::from_le_bytes([bytes[at], bytes[at + 1]]).into());
+        let mut device = Self {
+            firmware: Firmware::new((seed & 0xffff_ffff) as u32, seed),
+            plant: Plant::new(grip, power_up),
+            hand: Hand::new(stroke),
+            now_micros: 0,
+            gimbal: [0; 3],
+            sensors: Sensors::default(),
+        };
+        device.sensors = device.read_sensors();
+        device
+    }
+
+    /// The drive.
+    pub fn firmware(&self) -> &Firmware {
+        &self.firmware
+    }
+
+    /// The hand.
+    pub fn hand(&self) -> &Hand {
+        &self.hand
+    }
+
+    /// The arm.
+    pub fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    /// Device time, µs.
+    pub fn now_micros(&self) -> u64 {
+        self.now_micros
+    }
+
+    /// A frame came that was none.
+    pub fn count_bad_frame(&mut self) {
+        self.firmware.count_bad_frame();
+    }
+
+    /// Moves arm and hand on by one period, with the torque that the drive set at its beginning.
+    pub fn simulate(&mut self) {
+        let engaged = matches!(self.firmware.drive(), DriveState::Active | DriveState::Hold);
+        self.hand.plan(1e-3, &self.plant.motion(), engaged);
+        if !self.hand.docked() {
+            self.plant.release();
+        }
+        for _ in 0..SUBSTEPS {
+            let force = self.hand.force(&self.plant.motion());
+            self.plant.step(STEP_S, force);
+        }
+        self.now_micros += u64::from(PERIOD_MICROS);
+        self.sensors = self.read_sensors();
+    }
+
+    /// Takes one message from the host, after [`Self::simulate`] and before [`Self::tick`].
+    pub fn receive(&mut self, message: HostMessage) -> Option<DeviceMessage> {
+        self.firmware
+            .receive(self.now_micros, message, &self.sensors)
+    }
+
+    /// One period of the drive: the torque for the next period, and the state to send.
+    pub fn tick(&mut self) -> StateFrame {
+        let frame = self.firmware.tick(self.now_micros, &self.sensors);
+        self.plant
+            .set_drive(self.firmware.dac(), self.firmware.motors_on());
+        frame
+    }
+
+    /// Ground truth that belongs to the frame of the last [`Self::tick`].
+    pub fn truth(&self, frame: &StateFrame) -> Truth {
+        let motion = self.plant.motion();
+        Truth {
+            time_micros: frame.time_micros,
+            seq: frame.seq,
+            gimbal_mm: motion.position,
+            drive: frame.drive,
+            motors_on: self.firmware.motors_on(),
+            torque_nmm: self.plant.torque_nmm(),
+            hand_n: self.hand.force(&motion),
+            segment: self.hand.segment(),
+        }
+    }
+
+    fn read_sensors(&mut self) -> Sensors {
+        // A rotation out of the wrist's description leaves the last reading.
+        if let Some(angles) = omni::gimbal_for(self.plant.joints(), self.hand.rotation()) {
+            self.gimbal = gimbal_counts(angles);
+        }
+        let docked = if self.hand.docked() {
+            switch::DOCKED
+        } else {
+            0
+        };
+        Sensors {
+            encoders: self.plant.encoders(),
+            gimbal: self.gimbal,
+            switches: self.hand.buttons() | docked,
+            at_stop: self.plant.at_stop(),
+            temperature: self.plant.temperature(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,19 @@
+//! The simulated device `fake-omni`: a separate process with its own clock behind a serial pty.
+//!
+//! * [`firmware`]: the drive's state machine and watchdog; [`limits`]: its numbers.
+//! * [`plant`]: the arm. [`hand`]: who holds it. [`stroke`]: what the hand is to do.
+//! * [`device`]: the three together, in device time.
+//! * [`port`]: the pty and its link name. [`truth`]: the ground truth file. [`run`]: the process.
+
+pub mod device;
+pub mod firmware;
+pub mod hand;
+pub mod limits;
+pub mod plant;
+pub mod port;
+pub mod run;
+pub mod stroke;
+pub mod truth;
+
+pub use run::{FakeArgs, run};
+pub use stroke::{Segment, Stroke};

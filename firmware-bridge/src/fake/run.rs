@@ -1,0 +1,257 @@
+//! The process `fake-omni`: the simulated device in real time behind a pty.
+
+use super::device::Device;
+use super::port::Port;
+use super::stroke::Stroke;
+use super::truth::TruthLog;
+use crate::rt;
+use anyhow::Context as _;
+use osteon_protocol::device::{DeviceMessage, HostMessage};
+use osteon_protocol::frame::{FrameReader, MAX_FRAME, encode};
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// One above the servo's: the device must not starve under its host's load.
+const PRIORITY: u8 = rt::SERVO_PRIORITY + 1;
+const PERIOD_NS: u64 = 1_000_000;
+/// A wake-up later than this is not caught up: the device's world stands still instead, or the
+/// watchdog would trip for a stall of the simulation.
+const MAX_CATCH_UP_NS: u64 = 4 * PERIOD_NS;
+/// Most bytes read in one tick: 227 commands.
+const READ_BYTES: usize = 4096;
+/// A host that says nothing for so many ticks has left.
+const HOST_GONE_TICKS: u32 = 500;
+
+/// Options of the simulated device.
+#[derive(Debug, Clone, clap::Args)]
+pub struct FakeArgs {
+    /// Symbolic link to the serial port that a host opens [default: osteon-fake-omni in
+    /// `$XDG_RUNTIME_DIR`, else in the temporary directory]
+    #[arg(long, value_name = "PATH")]
+    pub link: Option<PathBuf>,
+    /// What the simulated hand does: JSON with `segments` of `name`, `goal_mm`, `axis`, `speed_mm_s`,
+    /// `max_push_n`, `press`, `dwell_s`, `timeout_s` (gimbal centre in the device's base frame);
+    /// without it the stylus stays in its dock
+    #[arg(long, value_name = "FILE")]
+    pub stroke: Option<PathBuf>,
+    /// Write the ground truth here, one CSV line for each state frame
+    #[arg(long, value_name = "FILE")]
+    pub truth: Option<PathBuf>,
+    /// Stop after so many seconds of device time
+    #[arg(long, value_name = "N", value_parser = parse_seconds)]
+    pub seconds: Option<f64>,
+    /// Seed of nonces and of the encoders' values at power-up
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// End when the starting process ends
+    #[arg(long, hide = true)]
+    pub die_with_parent: bool,
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds <= 1e6 => Ok(seconds),
+        _ => Err("give a number of seconds above 0".to_owned()),
+    }
+}
+
+impl FakeArgs {
+    /// The link's path: given, or the default.
+    pub fn link_path(&self) -> PathBuf {
+        self.link.clone().unwrap_or_else(default_link)
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "the cast saturates at zero and at the end of time"
+    )]
+    fn ticks(&self) -> u64 {
+        self.seconds.map_or(u64::MAX, |s| (s * 1000.0) as u64)
+    }
+}
+
+/// Where `fake-omni` puts its link, and a host looks for it, by default.
+pub fn default_link() -> PathBuf {
+    std::env::var_os("XDG_RUNTIME_DIR")
+        .map_or_else(std::env::temp_dir, PathBuf::from)
+        .join("osteon-fake-omni")
+}
+
+/// What happened on the cable.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// State frames made; those that the host did not take are among them.
+    pub frames: u64,
+    /// Frames dropped because the host did not read.
+    pub dropped: u64,
+    /// Torque commands that came.
+    pub commands: u64,
+    /// Frames refused for CRC or shape.
+    pub bad_frames: u64,
+    /// Time for which the device's world stood still, because the process was not run, ms.
+    pub stalled_ms: u64,
+}
+
+/// The device, its cable and its files.
+#[derive(Debug)]
+struct Bench {
+    device: Device,
+    port: Port,
+    reader: FrameReader,
+    truth: Option<TruthLog>,
+    tally: Tally,
+    silent_ticks: u32,
+}
+
+/// Runs the simulated device until a signal, or for `--seconds`.
+pub fn run(args: &FakeArgs) -> anyhow::Result<()> {
+    if args.die_with_parent {
+        rt::die_with_parent().context("fake-omni: cannot follow the starting process")?;
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [
+        signal_hook::consts::SIGINT,
+        signal_hook::consts::SIGTERM,
+        signal_hook::consts::SIGHUP,
+    ] {
+        signal_hook::flag::register(signal, Arc::clone(&stop))
+            .context("fake-omni: cannot watch for signals")?;
+    }
+    let bench = Bench::new(args)?;
+    ask_rights()?;
+    bench.go(args, &stop)
+}
+
+/// A refusal is said, and the device runs without.
+fn ask_rights() -> anyhow::Result<()> {
+    let mut warnings = std::io::stderr();
+    for right in [rt::lock_memory(), rt::set_fifo(PRIORITY)] {
+        if !right.granted() {
+            writeln!(warnings, "fake-omni: {right}")?;
+        }
+    }
+    Ok(())
+}
+
+impl Bench {
+    fn new(args: &FakeArgs) -> anyhow::Result<Self> {
+        let stroke = match &args.stroke {
+            Some(path) => Stroke::load(path)?,
+            None => Stroke::default(),
+        };
+        let truth = match &args.truth {
+            Some(path) => Some(TruthLog::create(path)?),
+            None => None,
+        };
+        Ok(Self {
+            device: Device::new(stroke, args.seed),
+            port: Port::open(&args.link_path())?,
+            reader: FrameReader::new(),
+            truth,
+            tally: Tally::default(),
+            silent_ticks: 0,
+        })
+    }
+
+    fn go(mut self, args: &FakeArgs, stop: &AtomicBool) -> anyhow::Result<()> {
+        let mut out = std::io::stdout();
+        writeln!(out, "fake-omni: ready at {}", args.link_path().display())?;
+        out.flush()?;
+        self.serve(args.ticks(), stop);
+        self.finish()
+    }
+
+    fn serve(&mut self, ticks: u64, stop: &AtomicBool) {
+        let mut deadline = rt::now_ns();
+        for _ in 0..ticks {
+            deadline += PERIOD_NS;
+            rt::sleep_until(deadline);
+            if stop.load(Ordering::Relaxed) {
+                break;
+            }
+            let late = rt::now_ns().saturating_sub(deadline);
+            if late > MAX_CATCH_UP_NS {
+                deadline += late;
+                self.tally.stalled_ms += late / PERIOD_NS;
+            }
+            self.tick();
+        }
+    }
+
+    fn tick(&mut self) {
+        self.device.simulate();
+        self.receive();
+        let frame = self.device.tick();
+        self.tally.frames += 1;
+        if !self.send(&DeviceMessage::State(frame)) {
+            self.tally.dropped += 1;
+        }
+        if let Some(truth) = &mut self.truth {
+            truth.push(self.device.truth(&frame));
+        }
+    }
+
+    fn receive(&mut self) {
+        let mut bytes = [0; READ_BYTES];
+        let count = self.port.read(&mut bytes);
+        for &byte in &bytes[..count] {
+            match self.reader.push::<HostMessage>(byte) {
+                Some(Ok(message)) => self.answer(message),
+                Some(Err(_)) => {
+                    self.tally.bad_frames += 1;
+                    self.device.count_bad_frame();
+                }
+                None => {}
+            }
+        }
+        self.watch_for_a_gone_host(count);
+    }
+
+    fn answer(&mut self, message: HostMessage) {
+        self.tally.commands += u64::from(matches!(message, HostMessage::Command(_)));
+        if let Some(answer) = self.device.receive(message) {
+            // An answer that does not fit is lost like any other byte: the host asks again.
+            let _taken = self.send(&answer);
+        }
+    }
+
+    fn send(&mut self, message: &DeviceMessage) -> bool {
+        let mut buffer = [0; MAX_FRAME];
+        encode(message, &mut buffer).is_ok_and(|frame| self.port.write_frame(frame))
+    }
+
+    fn watch_for_a_gone_host(&mut self, bytes: usize) {
+        self.silent_ticks = if bytes > 0 { 0 } else { self.silent_ticks + 1 };
+        if self.silent_ticks == HOST_GONE_TICKS {
+            self.silent_ticks = 0;
+            self.port.release_claim();
+        }
+    }
+
+    fn finish(self) -> anyhow::Result<()> {
+        let torque = self.device.plant().torque_nmm();
+        let t = self.tally;
+        writeln!(
+            std::io::stderr(),
+            "fake-omni: {} frames ({} dropped), {} commands, {} crc errors, {} trips, \
+             {} segments given up, stood still {} ms, last torque [{:.1}, {:.1}, {:.1}] N·mm",
+            t.frames,
+            t.dropped,
+            t.commands,
+            t.bad_frames,
+            self.device.firmware().trips(),
+            self.device.hand().timeouts(),
+            t.stalled_ms,
+            torque.x,
+            torque.y,
+            torque.z,
+        )?;
+        self.truth.map_or(Ok(()), TruthLog::finish)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,59 @@
+//! The publisher's own copy of the cut: it carves what the servo carved, so that the servo copies no
+//! voxels.
+
+use super::record::{COPY_VALUES, Record};
+use osteon_sim_core::bone::Bone;
+use osteon_sim_core::carve::{CarveStep, carve};
+use osteon_sim_core::cut::Cut;
+use osteon_sim_core::merge::{CopyPlace, merge};
+use osteon_sim_core::tool::Tool;
+use std::sync::Arc;
+
+/// The mirror.
+#[derive(Debug)]
+pub(crate) struct Mirror {
+    pub bone: Arc<Bone>,
+    pub cut: Cut,
+    tools: Vec<Tool>,
+}
+
+impl Mirror {
+    pub(crate) fn new(bone: Arc<Bone>, tools: Vec<Tool>) -> Self {
+        Self {
+            cut: Cut::new(&bone),
+            bone,
+            tools,
+        }
+    }
+
+    /// Takes over one record; `changed(chunk, brick)` is called for every brick that it changed.
+    pub(crate) fn apply(&mut self, record: &Record, changed: &mut impl FnMut(usize, usize)) {
+        match record {
+            Record::Carved { step, .. } => self.carve(step, changed),
+            Record::Reset { epoch } => self.cut.reset(*epoch),
+            Record::Brick(copy) => {
+                let place = CopyPlace {
+                    chunk: copy.chunk as usize,
+                    brick: usize::from(copy.brick),
+                    first: usize::from(copy.part) * COPY_VALUES,
+                    tool: copy.tool,
+                };
+                if merge(&self.bone, &mut self.cut, place, &copy.values) {
+                    changed(place.chunk, place.brick);
+                }
+            }
+            Record::Tick(tick) => {
+                // after lost records the servo's count is the true one
+                if tick.epoch == self.cut.epoch() {
+                    self.cut.set_revision(tick.revision);
+                }
+            }
+        }
+    }
+
+    fn carve(&mut self, step: &CarveStep, changed: &mut impl FnMut(usize, usize)) {
+        if let Some(tool) = self.tools.get(usize::from(step.tool)) {
+            carve(&self.bone, &mut self.cut, tool, step, changed);
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! The haptics process: device link, servo thread, publisher.
+//!
+//! ```text
+//! servo thread (1 kHz) ── ring of records ──▶ publisher (main thread) ── socket ──▶ viewers
+//!                      ◀── ring of requests ──                        ◀── commands ──
+//! ```
+
+mod client;
+mod dirty;
+mod mirror;
+mod publisher;
+mod record;
+mod report;
+mod resync;
+mod servo_loop;
+mod session;
+pub mod socket;
+mod stats;
+
+pub use report::SessionReport;
+pub use stats::{LATE_NS, Quantiles};
+
+use crate::scene::SceneArgs;
+use std::path::PathBuf;
+
+/// Options of the haptics process.
+#[derive(Debug, Clone, clap::Args)]
+pub struct HapticsArgs {
+    /// Device to own: open:PATH (serial port of an open controller or of 'osteon fake-omni')
+    #[arg(long, value_name = "KIND:PATH", default_value_t = default_device())]
+    pub device: String,
+    /// Socket for viewers [default: haptics.sock in the user's runtime directory]
+    #[arg(long, value_name = "PATH")]
+    pub socket: Option<PathBuf>,
+    /// The bone.
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// End the session after this many seconds [default: run until Ctrl-C or Stop]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    pub seconds: Option<f64>,
+    /// Largest force at the stylus, N
+    #[arg(long, value_name = "N", default_value_t = osteon_sim_core::chain::FORCE_LIMIT_N, value_parser = force_limit)]
+    pub force_limit: f64,
+    /// Write the session report as JSON
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Write the gimbal centre of every tick (CSV: tick,state_seq,x_mm,y_mm,z_mm in the base frame)
+    #[arg(long, value_name = "FILE")]
+    pub pose_log: Option<PathBuf>,
+    /// End with the process that started this one
+    #[arg(long, hide = true)]
+    pub die_with_parent: bool,
+    /// Panic in the servo thread at this tick: proves that the motors stop
+    #[arg(long, hide = true, value_name = "TICK")]
+    pub panic_at_tick: Option<u64>,
+}
+
+fn default_device() -> String {
+    format!("open:{}", crate::fake::run::default_link().display())
+}
+
+/// The socket used where none is named.
+pub fn default_socket() -> PathBuf {
+    socket::runtime_dir().join("haptics.sock")
+}
+
+/// A positive, finite number, from the command line.
+pub fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v > 0.0 && v.is_finite() => Ok(v),
+        _ => Err("must be a positive number".to_owned()),
+    }
+}
+
+fn force_limit(text: &str) -> Result<f64, String> {
+    let most = osteon_sim_core::chain::FORCE_LIMIT_N;
+    match positive(text)? {
+        v if v <= most => Ok(v),
+        v => Err(format!("{v} N is above the device's {most} N")),
+    }
+}
+
+/// Runs the haptics process to the end of its session.
+pub fn run(args: &HapticsArgs) -> anyhow::Result<()> {
+    session::run(args)
+}

@@ -1,0 +1,234 @@
+//! The publisher: drains the servo's ring into its mirror and serves the viewers. It runs in the
+//! main thread, and nothing in it can reach the servo but accepted requests.
+
+use super::client::{Client, News};
+use super::mirror::Mirror;
+use super::record::{Record, TickRecord};
+use super::socket;
+use super::stats::Stats;
+use glam::DVec3;
+use interprocess::local_socket::Listener;
+use osteon_protocol::ipc::{
+    Command, Digest, Health, PoseUpdate, RemovalEvent, Scene, ToViewer, WirePose,
+};
+use osteon_sim_core::cut::{Cut, CutDigest};
+use osteon_sim_core::pose::Pose;
+use osteon_sim_core::servo::Request;
+use rtrb::{Consumer, Producer};
+use std::io::Write;
+use std::sync::Arc;
+
+/// Viewers at once.
+const MAX_CLIENTS: usize = 4;
+/// Records taken in one visit.
+const MAX_RECORDS: usize = 8192;
+
+/// The publisher's state.
+pub(crate) struct Publisher {
+    pub mirror: Mirror,
+    pub stats: Stats,
+    pub records: Consumer<Record>,
+    pub requests: Producer<Request>,
+    pub listener: Listener,
+    pub scene: Arc<Scene>,
+    pub plan_from_bone: Pose,
+    pub force_scale: f64,
+    pub link_name: String,
+    pub pose_log: Option<Box<dyn Write + Send>>,
+    pub clients: Vec<Client>,
+    pub viewers: ViewerCounts,
+}
+
+/// What happened to the viewers.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct ViewerCounts {
+    /// Connections that were accepted.
+    pub connected: u64,
+    /// Connections that ended before the session did.
+    pub lost: u64,
+    /// Connections that were refused or dropped for what they sent.
+    pub refused: u64,
+}
+
+/// A pose as it goes over the wire.
+pub(crate) fn wire_pose(pose: &Pose) -> WirePose {
+    WirePose {
+        rotation: pose.rotation.to_array(),
+        translation_mm: pose.translation.to_array(),
+    }
+}
+
+/// A digest as it goes over the wire.
+pub(crate) fn wire_digest(digest: CutDigest) -> Digest {
+    Digest {
+        epoch: digest.epoch,
+        revision: digest.revision,
+        hash: digest.hash,
+        changed_chunks: digest.changed_chunks,
+    }
+}
+
+impl Publisher {
+    /// One visit: take what the servo wrote, then talk to the viewers. True where somebody asked to
+    /// end the session.
+    pub(crate) fn visit(&mut self, final_digest: Option<Digest>) -> bool {
+        self.drain();
+        self.accept();
+        self.serve(final_digest)
+    }
+
+    /// Takes all that is in the ring.
+    pub(crate) fn drain(&mut self) {
+        for _ in 0..MAX_RECORDS {
+            let Ok(record) = self.records.pop() else {
+                return;
+            };
+            self.take(&record);
+        }
+    }
+
+    fn take(&mut self, record: &Record) {
+        let clients = &mut self.clients;
+        self.mirror.apply(record, &mut |chunk, brick| {
+            for client in clients.iter_mut() {
+                client.dirty.mark(chunk, brick);
+            }
+        });
+        match record {
+            Record::Carved { tick, step } => {
+                let grid = self.mirror.bone.grid();
+                let event = RemovalEvent {
+                    tick: *tick,
+                    epoch: self.mirror.cut.epoch(),
+                    revision: self.mirror.cut.revision(),
+                    tool: step.tool,
+                    bone_from_tool_before: wire_pose(&step.before),
+                    bone_from_tool_after: wire_pose(&step.after),
+                    removed_mm3_by_class: self
+                        .mirror
+                        .cut
+                        .totals()
+                        .by_class
+                        .map(|units| Cut::mm3(grid, units)),
+                };
+                for client in self.clients.iter_mut().filter(|c| c.is_live()) {
+                    client.removal(event);
+                }
+            }
+            Record::Reset { epoch } => {
+                for client in &mut self.clients {
+                    client.reset(*epoch);
+                }
+            }
+            Record::Tick(tick) => {
+                self.stats.add(tick);
+                self.log_pose(tick);
+            }
+            Record::Brick(_) => {}
+        }
+    }
+
+    fn log_pose(&mut self, tick: &TickRecord) {
+        let (Some(log), Some(seq)) = (&mut self.pose_log, tick.state_seq) else {
+            return;
+        };
+        let p = tick.stylus_in_base;
+        if let Err(e) = writeln!(log, "{},{seq},{},{},{}", tick.tick, p.x, p.y, p.z) {
+            warn(&format!("pose log: {e}; it ends here"));
+            self.pose_log = None;
+        }
+    }
+
+    fn accept(&mut self) {
+        while let Some(connection) = socket::accept(&self.listener) {
+            let chunks = self.mirror.bone.chunk_count();
+            let client = connection.and_then(|stream| Client::new(stream, chunks));
+            match client {
+                Ok(mut client) if self.clients.len() >= MAX_CLIENTS => {
+                    self.viewers.refused += 1;
+                    let reason = format!("{MAX_CLIENTS} viewers are connected; close one first");
+                    if let Err(e) = client.say(&ToViewer::Refused { reason }) {
+                        warn(&format!("viewer refused: {e:#}"));
+                    }
+                }
+                Ok(client) => {
+                    self.viewers.connected += 1;
+                    self.clients.push(client);
+                }
+                Err(e) => {
+                    self.viewers.refused += 1;
+                    warn(&format!("{e:#}"));
+                    return;
+                }
+            }
+        }
+    }
+
+    fn serve(&mut self, final_digest: Option<Digest>) -> bool {
+        let pose = self.stats.last.as_ref().map(|t| self.pose_update(t));
+        let health: Health = self.stats.health(&self.link_name);
+        let news = News {
+            scene: &self.scene,
+            mirror: &self.mirror,
+            pose: pose.as_ref(),
+            health: Some(&health),
+            final_digest,
+        };
+        let mut stop = false;
+        let mut kept = Vec::with_capacity(self.clients.len());
+        for mut client in self.clients.drain(..) {
+            match client.visit(&news) {
+                Ok(commands) => {
+                    for command in commands {
+                        stop |= forward(command, &mut self.requests);
+                    }
+                    kept.push(client);
+                }
+                Err(e) => {
+                    self.viewers.lost += 1;
+                    warn(&format!("viewer '{}': {e:#}", client.name));
+                }
+            }
+        }
+        self.clients = kept;
+        stop
+    }
+
+    fn pose_update(&self, tick: &TickRecord) -> PoseUpdate {
+        let grid = self.mirror.bone.grid();
+        let tip: DVec3 = self.plan_from_bone.point(tick.bone_from_tool.translation);
+        PoseUpdate {
+            tick: tick.tick,
+            tool: tick.tool,
+            spindle_on: tick.flags.spindle_on,
+            paused: tick.flags.paused,
+            bone_from_tool: wire_pose(&tick.bone_from_tool),
+            bone_from_device: wire_pose(&tick.bone_from_device),
+            force_n: tick.force_n.as_vec3().to_array(),
+            physical_force_n: (tick.force_n.length() / self.force_scale) as f32,
+            depth_mm: -tip.z as f32,
+            removed_mm3: Cut::mm3(grid, tick.removed_by_class.iter().sum()),
+        }
+    }
+}
+
+/// Hands a viewer's wish to the servo; true where it asks to end the session. A full request ring
+/// drops the wish: a person presses again.
+fn forward(command: Command, requests: &mut Producer<Request>) -> bool {
+    let request = match command {
+        Command::SelectTool(tool) => Request::SelectTool(tool),
+        Command::Spindle(on) => Request::Spindle(on),
+        Command::Pause(paused) => Request::Pause(paused),
+        Command::Reset => Request::Reset,
+        Command::Stop => return true,
+    };
+    if requests.push(request).is_err() {
+        warn("a viewer sends commands faster than the servo takes them; one was dropped");
+    }
+    false
+}
+
+#[expect(clippy::print_stderr, reason = "warnings of a command-line program go to stderr")]
+pub(crate) fn warn(text: &str) {
+    eprintln!("haptics: {text}");
+}

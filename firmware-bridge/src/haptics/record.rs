@@ -1,0 +1,97 @@
+//! What crosses from the servo thread to the publisher: fixed-size records through a ring.
+
+use crate::link::LinkStats;
+use glam::DVec3;
+use osteon_protocol::device::DriveState;
+use osteon_sim_core::carve::CarveStep;
+use osteon_sim_core::pose::Pose;
+use osteon_sim_core::tissue::TISSUES;
+
+/// Records that the ring holds: more than three seconds of the busiest ticks, ten of usual ones.
+pub(crate) const RING_RECORDS: usize = 16_384;
+
+/// One record. Order in the ring is order in time.
+#[derive(Debug, Clone, Copy)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a ring of fixed-size records: the size is bounded by the largest"
+)]
+pub(crate) enum Record {
+    /// A carved sub-step: the publisher carves the same into its mirror.
+    Carved {
+        /// Servo tick.
+        tick: u64,
+        /// What was carved.
+        step: CarveStep,
+    },
+    /// The cut was reset.
+    Reset {
+        /// The new epoch.
+        epoch: u32,
+    },
+    /// A brick's values after carved records were lost to a full ring.
+    Brick(BrickCopy),
+    /// One tick, after all that was carved in it.
+    Tick(TickRecord),
+}
+
+/// Most cut values that one record carries: an eighth of a brick, so that records stay small.
+pub(crate) const COPY_VALUES: usize = 64;
+
+/// Part of a brick, copied out of the servo's cut.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BrickCopy {
+    pub chunk: u32,
+    pub brick: u8,
+    /// First value, in units of [`COPY_VALUES`], in `0..8`.
+    pub part: u8,
+    /// Tool in hand, for the account by tool.
+    pub tool: u8,
+    pub values: [i16; COPY_VALUES],
+}
+
+/// What the publisher needs of a tick.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TickRecord {
+    pub tick: u64,
+    /// Delay from the deadline to the start of the tick, ns.
+    pub wake_ns: u64,
+    /// Duration of the tick, ns.
+    pub duration_ns: u64,
+    /// Command to acknowledgement, ns, where one came in this tick.
+    pub roundtrip_ns: Option<u64>,
+    /// Whole periods that were skipped before this tick.
+    pub skipped: u32,
+    /// Sequence number of the state used, where it was fresh.
+    pub state_seq: Option<u16>,
+    /// Gimbal centre in the base frame, mm.
+    pub stylus_in_base: DVec3,
+    pub bone_from_device: Pose,
+    pub bone_from_tool: Pose,
+    pub force_n: DVec3,
+    pub tool: u8,
+    pub flags: Flags,
+    pub removed_by_class: [i64; TISSUES],
+    pub epoch: u32,
+    /// Carved sub-steps since the reset.
+    pub revision: u64,
+    pub drive: Option<DriveState>,
+    pub trips: u8,
+    pub guard_events: u64,
+    pub link: LinkStats,
+    /// Records that found the ring full so far.
+    pub ring_overflows: u64,
+}
+
+/// Yes-or-no facts of a tick.
+#[derive(Debug, Clone, Copy, Default)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "independent facts, shown one by one"
+)]
+pub(crate) struct Flags {
+    pub spindle_on: bool,
+    pub paused: bool,
+    pub embedded: bool,
+    pub waiting: bool,
+}

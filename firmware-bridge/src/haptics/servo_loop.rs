@@ -1,0 +1,269 @@
+//! The servo thread: absolute deadlines of 1 ms, newest device state, one pure tick, one command.
+//!
+//! After [`run`] has entered its loop it allocates nothing, takes no lock, opens and logs nothing. On
+//! every way out (stop, error, panic) the last bytes it sends are a zero torque and a disarm.
+
+use super::record::{COPY_VALUES, Record, TickRecord};
+use super::resync::Resync;
+use crate::link::{DeviceLink, LinkError};
+use crate::rt::{now_ns, sleep_until};
+use osteon_protocol::device::{CommandFrame, DriveState, StateFrame, switch};
+use osteon_sim_core::servo::{Request, Sample, Servo, TickOutput};
+use rtrb::{Consumer, Producer};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Period of the servo loop, ns.
+pub(crate) const PERIOD_NS: u64 = 1_000_000;
+/// Requests taken over in one tick at most.
+const MAX_REQUESTS: usize = 8;
+/// Device link silent for this long: the session ends, ns.
+const LOST_AFTER_NS: u64 = 1_000_000_000;
+
+/// Why the loop ended.
+#[derive(Debug)]
+pub(crate) enum Ending {
+    /// It was asked to.
+    Stopped,
+    /// The device went away or sent something impossible.
+    Link(LinkError),
+    /// The device stopped sending.
+    Silent,
+    /// A bug: the message of the panic.
+    Panicked(String),
+}
+
+/// What the thread owns while it runs.
+pub(crate) struct ServoThread {
+    pub servo: Servo,
+    pub link: Box<dyn DeviceLink>,
+    pub records: Producer<Record>,
+    pub requests: Consumer<Request>,
+    pub resync: Resync,
+    /// Tick at which to panic: proves the motors' way to zero.
+    pub panic_at_tick: Option<u64>,
+}
+
+/// What it hands back.
+pub(crate) struct Finished {
+    pub servo: Servo,
+    pub link: Box<dyn DeviceLink>,
+    pub ending: Ending,
+}
+
+/// Loop-local state that outlives a tick.
+struct Beat {
+    tick: u64,
+    command_seq: u16,
+    last_ack: u16,
+    last_state: Option<StateFrame>,
+    last_state_ns: u64,
+    // when each command was sent, by the low byte of its number
+    sent_ns: [u64; 256],
+}
+
+/// Runs until `stop`, an error or a panic; then turns the motors off.
+pub(crate) fn run(mut thread: ServoThread, stop: &AtomicBool) -> Finished {
+    let mut beat = Beat {
+        tick: 0,
+        command_seq: 0,
+        last_ack: 0,
+        last_state: None,
+        last_state_ns: now_ns(),
+        sent_ns: [0; 256],
+    };
+    let outcome = catch_unwind(AssertUnwindSafe(|| beat_until(&mut thread, &mut beat, stop)));
+    let ending = match outcome {
+        Ok(ending) => ending,
+        Err(payload) => Ending::Panicked(panic_message(payload.as_ref())),
+    };
+    motors_off(thread.link.as_mut(), beat.command_seq);
+    Finished {
+        servo: thread.servo,
+        link: thread.link,
+        ending,
+    }
+}
+
+fn panic_message(payload: &(dyn std::any::Any + Send)) -> String {
+    payload
+        .downcast_ref::<&str>()
+        .map(ToString::to_string)
+        .or_else(|| payload.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "unknown panic".to_owned())
+}
+
+fn motors_off(link: &mut dyn DeviceLink, last_seq: u16) {
+    let command = CommandFrame {
+        seq: next_seq(last_seq),
+        state_seq: 0,
+        torque: [0; 3],
+        enable: false,
+    };
+    // a cable that is gone needs no zero: the device's own watchdog has it
+    if link.send(&command).is_ok() {
+        link.disarm();
+    }
+}
+
+fn next_seq(seq: u16) -> u16 {
+    match seq.wrapping_add(1) {
+        0 => 1,
+        next => next,
+    }
+}
+
+fn beat_until(thread: &mut ServoThread, beat: &mut Beat, stop: &AtomicBool) -> Ending {
+    let mut deadline = now_ns() + PERIOD_NS;
+    loop {
+        sleep_until(deadline);
+        if stop.load(Ordering::Relaxed) {
+            return Ending::Stopped;
+        }
+        let started = now_ns();
+        match one_beat(thread, beat, deadline, started) {
+            Ok(()) => {}
+            Err(ending) => return ending,
+        }
+        // never piles up: periods that are already over are skipped
+        deadline += PERIOD_NS;
+        let now = now_ns();
+        if now >= deadline + PERIOD_NS {
+            deadline += (now - deadline) / PERIOD_NS * PERIOD_NS;
+        }
+    }
+}
+
+fn one_beat(
+    thread: &mut ServoThread,
+    beat: &mut Beat,
+    deadline: u64,
+    started: u64,
+) -> Result<(), Ending> {
+    let fresh = thread.link.poll().map_err(Ending::Link)?;
+    let roundtrip_ns = fresh.and_then(|state| acknowledge(beat, &state, started));
+    if started.saturating_sub(beat.last_state_ns) > LOST_AFTER_NS {
+        return Err(Ending::Silent);
+    }
+    let mut requests = [Request::Pause(false); MAX_REQUESTS];
+    let mut count = 0;
+    while count < MAX_REQUESTS {
+        let Ok(request) = thread.requests.pop() else {
+            break;
+        };
+        requests[count] = request;
+        count += 1;
+    }
+    let sample = fresh.map(|state| sample_of(&state));
+    let epoch_before = thread.servo.cut().epoch();
+    let output = thread.servo.tick(sample.as_ref(), &requests[..count]);
+    if thread.panic_at_tick == Some(beat.tick) {
+        induced_panic();
+    }
+    send(thread, beat, &output)?;
+    let tick = TickRecord {
+        tick: beat.tick,
+        wake_ns: started.saturating_sub(deadline),
+        duration_ns: 0,
+        roundtrip_ns,
+        skipped: (started.saturating_sub(deadline) / PERIOD_NS) as u32,
+        state_seq: fresh.filter(|_| output.fresh).map(|s| s.seq),
+        stylus_in_base: output.stylus_in_base,
+        bone_from_device: output.bone_from_device,
+        bone_from_tool: output.bone_from_tool,
+        force_n: output.force_n,
+        tool: output.tool,
+        flags: super::record::Flags {
+            spindle_on: output.spindle_on,
+            paused: output.paused,
+            embedded: output.embedded,
+            waiting: output.waiting,
+        },
+        removed_by_class: output.removed_by_class,
+        epoch: output.epoch,
+        revision: thread.servo.cut().revision(),
+        drive: beat.last_state.map(|s| s.drive),
+        trips: beat.last_state.map_or(0, |s| s.trips),
+        guard_events: thread.servo.guards().total(),
+        link: thread.link.stats(),
+        ring_overflows: thread.resync.overflows(),
+    };
+    publish(thread, &output, epoch_before, tick, started);
+    beat.tick += 1;
+    Ok(())
+}
+
+#[expect(clippy::panic, reason = "asked for on the command line, to prove that the motors stop")]
+fn induced_panic() {
+    panic!("induced by --panic-at-tick");
+}
+
+fn acknowledge(beat: &mut Beat, state: &StateFrame, now: u64) -> Option<u64> {
+    beat.last_state = Some(*state);
+    beat.last_state_ns = now;
+    if state.ack == beat.last_ack {
+        return None;
+    }
+    beat.last_ack = state.ack;
+    let sent = beat.sent_ns[usize::from(state.ack & 0xff)];
+    // an acknowledgement of more than 255 commands ago would name the wrong one
+    let recent = beat.command_seq.wrapping_sub(state.ack) < 255;
+    (recent && sent != 0).then(|| now.saturating_sub(sent))
+}
+
+fn sample_of(state: &StateFrame) -> Sample {
+    Sample {
+        time_micros: state.time_micros,
+        encoders: state.encoders,
+        gimbal: state.gimbal,
+        buttons: state.switches & (switch::BUTTON_1 | switch::BUTTON_2),
+        drive_active: matches!(state.drive, DriveState::Active | DriveState::Hold),
+        docked: state.switches & switch::DOCKED != 0,
+    }
+}
+
+fn send(thread: &mut ServoThread, beat: &mut Beat, output: &TickOutput) -> Result<(), Ending> {
+    beat.command_seq = next_seq(beat.command_seq);
+    beat.sent_ns[usize::from(beat.command_seq & 0xff)] = now_ns();
+    let command = CommandFrame {
+        seq: beat.command_seq,
+        state_seq: beat.last_state.map_or(0, |s| s.seq),
+        torque: output.torque,
+        enable: true,
+    };
+    thread.link.send(&command).map_err(Ending::Link)
+}
+
+/// Hands the tick to the publisher. A full ring stops nothing: what was carved is remembered by
+/// brick and copied later, a few parts a tick.
+fn publish(
+    thread: &mut ServoThread,
+    output: &TickOutput,
+    epoch_before: u32,
+    mut tick: TickRecord,
+    started: u64,
+) {
+    let (records, resync, servo) = (&mut thread.records, &mut thread.resync, &thread.servo);
+    if output.epoch != epoch_before {
+        resync.forget();
+        if records.push(Record::Reset { epoch: output.epoch }).is_err() {
+            resync.owe_reset();
+        }
+    }
+    for step in &output.carved[..output.carved_len] {
+        let record = Record::Carved {
+            tick: tick.tick,
+            step: *step,
+        };
+        if resync.is_behind() || records.push(record).is_err() {
+            resync.mark(servo, step);
+        }
+    }
+    resync.copy_some(servo, output, records);
+    tick.duration_ns = now_ns().saturating_sub(started);
+    if records.push(Record::Tick(tick)).is_err() {
+        resync.count_lost_tick();
+    }
+}
+
+const _: () = assert!(COPY_VALUES * 8 == osteon_sim_core::grid::BRICK_VOXELS);

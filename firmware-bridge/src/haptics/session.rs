@@ -1,0 +1,341 @@
+//! One session from the first option to the last digest.
+
+use super::client::ViewerReport;
+use super::mirror::Mirror;
+use super::publisher::{Publisher, ViewerCounts, warn, wire_digest, wire_pose};
+use super::record::RING_RECORDS;
+use super::report::{Facts, SessionReport};
+use super::resync::Resync;
+use super::servo_loop::{self, Ending, Finished, ServoThread};
+use super::stats::Stats;
+use super::{HapticsArgs, default_socket, socket};
+use crate::link::{DeviceLink, OpenLink};
+use crate::progress::Progress;
+use crate::rt::{self, RtReport};
+use crate::scene::{self, Scene};
+use anyhow::{Context as _, anyhow, bail};
+use osteon_protocol::ipc::{Digest, ToViewer, ToolInfo};
+use osteon_sim_core::contact::ContactConfig;
+use osteon_sim_core::register::bone_from_base;
+use osteon_sim_core::servo::{DeviceScale, Servo, ServoSetup};
+use osteon_sim_core::tool::Tool;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Time between two visits of the publisher.
+const VISIT: Duration = Duration::from_millis(4);
+/// Longest wait for a viewer's last digest.
+const DIGEST_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// A running servo thread.
+struct Running {
+    thread: JoinHandle<Finished>,
+    stop: Arc<AtomicBool>,
+    refused: Vec<String>,
+    began: Instant,
+}
+
+pub(crate) fn run(args: &HapticsArgs) -> anyhow::Result<()> {
+    if args.die_with_parent {
+        rt::die_with_parent().context("cannot ask to end with the parent process")?;
+    }
+    let stop = signals()?;
+    let tools = Tool::standard_set();
+    let mut progress = Progress::new("loading bone");
+    let scene = scene::load(&args.scene, &mut |stage, share| progress.show(stage, share))?;
+    progress.finish();
+    let socket_path = args.socket.clone().unwrap_or_else(default_socket);
+    let listener = socket::listen(&socket_path)?;
+    let result = with_listener(args, &stop, &tools, scene, listener);
+    // a left-over socket is harmless: the next session replaces it
+    if let Err(e) = std::fs::remove_file(&socket_path) {
+        warn(&format!("socket {}: {e}", socket_path.display()));
+    }
+    result
+}
+
+fn with_listener(
+    args: &HapticsArgs,
+    stop: &Arc<AtomicBool>,
+    tools: &[Tool],
+    scene: Scene,
+    listener: interprocess::local_socket::Listener,
+) -> anyhow::Result<()> {
+    let pose_log = pose_log(args)?;
+    let link = open_link(&args.device)?;
+    let link_name = link.describe();
+    let (record_in, record_out) = rtrb::RingBuffer::new(RING_RECORDS);
+    let (request_in, request_out) = rtrb::RingBuffer::new(64);
+    let contact = ContactConfig::default();
+    let servo = make_servo(args, &scene, tools, link.as_ref(), contact)?;
+    let mut publisher = Publisher {
+        mirror: Mirror::new(Arc::clone(&scene.bone), tools.to_vec()),
+        stats: Stats::new(),
+        records: record_out,
+        requests: request_in,
+        listener,
+        scene: Arc::new(wire_scene(&scene, tools, args.force_limit)),
+        plan_from_bone: scene.bone_from_plan.inverse(),
+        force_scale: contact.force_scale,
+        link_name: link_name.clone(),
+        pose_log,
+        clients: Vec::new(),
+        viewers: ViewerCounts::default(),
+    };
+    let thread = ServoThread {
+        resync: Resync::new(&scene.bone, tools.to_vec()),
+        servo,
+        link,
+        records: record_in,
+        requests: request_out,
+        panic_at_tick: args.panic_at_tick,
+    };
+    let running = start(thread)?;
+    say(&format!(
+        "haptics: {} on {link_name}, 1 kHz; {} chunks of bone",
+        scene.source,
+        scene.bone.chunk_count()
+    ));
+    serve_until_end(args, stop, &mut publisher, &running);
+    finish(args, tools, &scene, publisher, running)
+}
+
+fn signals() -> anyhow::Result<Arc<AtomicBool>> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::flag::register(signal, Arc::clone(&stop))
+            .context("cannot listen for signals")?;
+    }
+    Ok(stop)
+}
+
+fn pose_log(args: &HapticsArgs) -> anyhow::Result<Option<Box<dyn Write + Send>>> {
+    let Some(path) = &args.pose_log else {
+        return Ok(None);
+    };
+    let mut log = BufWriter::new(create(path)?);
+    writeln!(log, "tick,state_seq,x_mm,y_mm,z_mm")?;
+    Ok(Some(Box::new(log)))
+}
+
+fn create(path: &Path) -> anyhow::Result<File> {
+    File::create(path).with_context(|| format!("{}: cannot write", path.display()))
+}
+
+/// Opens the device that `--device` names and brings it to Armed.
+fn open_link(device: &str) -> anyhow::Result<Box<dyn DeviceLink>> {
+    let Some(path) = device.strip_prefix("open:") else {
+        bail!("--device {device}: unknown kind; give open:PATH, for example open:/dev/ttyACM0");
+    };
+    let mut link = OpenLink::open(path)?;
+    link.prepare()?;
+    Ok(Box::new(link))
+}
+
+fn make_servo(
+    args: &HapticsArgs,
+    scene: &Scene,
+    tools: &[Tool],
+    link: &dyn DeviceLink,
+    contact: ContactConfig,
+) -> anyhow::Result<Servo> {
+    let info = link.info();
+    if info.model != 1 {
+        bail!(
+            "device {}: model {} is unknown here; this release knows model 1 (Omni-class arm)",
+            link.describe(),
+            info.model
+        );
+    }
+    let setup = ServoSetup {
+        bone: Arc::clone(&scene.bone),
+        tools: tools.to_vec(),
+        bone_from_base: bone_from_base(&scene.bone_from_plan, scene.bone.lps_from_bone()),
+        bone_from_plan: scene.bone_from_plan,
+        device: DeviceScale {
+            counts_per_rev: info.counts_per_rev,
+            gimbal_counts_per_rev: info.gimbal_counts_per_rev,
+            dac_max: info.dac_max,
+            nmm_per_count: f64::from(info.micro_nm_per_count) * 1e-3,
+        },
+        force_limit_n: args.force_limit,
+        contact,
+    };
+    Servo::new(setup).ok_or_else(|| anyhow!("no tools, or too many"))
+}
+
+fn wire_scene(scene: &Scene, tools: &[Tool], force_limit_n: f64) -> osteon_protocol::ipc::Scene {
+    let grid = scene.bone.grid();
+    osteon_protocol::ipc::Scene {
+        source: scene.source.clone(),
+        dims: grid.dims.map(|n| n as u32),
+        spacing_mm: grid.spacing_mm.to_array(),
+        lps_from_bone: wire_pose(scene.bone.lps_from_bone()),
+        bone_from_plan: wire_pose(&scene.bone_from_plan),
+        chunks: scene.bone.chunk_count() as u32,
+        solid_mm3: scene.summary.solid_mm3,
+        tools: tools
+            .iter()
+            .map(|t| ToolInfo {
+                name: t.name.to_owned(),
+                id: t.id.to_owned(),
+                outline_mm: t.shape.outline(),
+            })
+            .collect(),
+        force_limit_n,
+    }
+}
+
+/// Starts the servo thread and waits until it has asked for its rights; refusals are said aloud.
+fn start(thread: ServoThread) -> anyhow::Result<Running> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let (rights_in, rights_out) = sync_channel(1);
+    let stop_flag = Arc::clone(&stop);
+    let handle = std::thread::Builder::new()
+        .name("servo".to_owned())
+        .spawn(move || {
+            let report = RtReport::ask(rt::servo_core());
+            let warnings: Vec<String> = report.warnings().collect();
+            if rights_in.send(warnings).is_err() {
+                stop_flag.store(true, Ordering::Relaxed);
+            }
+            servo_loop::run(thread, &stop_flag)
+        })
+        .context("cannot start the servo thread")?;
+    let refused = receive(&rights_out)?;
+    for line in &refused {
+        warn(line);
+    }
+    Ok(Running {
+        thread: handle,
+        stop,
+        refused,
+        began: Instant::now(),
+    })
+}
+
+fn receive(rights: &Receiver<Vec<String>>) -> anyhow::Result<Vec<String>> {
+    rights
+        .recv_timeout(Duration::from_secs(5))
+        .context("the servo thread did not start")
+}
+
+fn serve_until_end(
+    args: &HapticsArgs,
+    stop: &AtomicBool,
+    publisher: &mut Publisher,
+    running: &Running,
+) {
+    let over = |began: Instant| args.seconds.is_some_and(|s| began.elapsed().as_secs_f64() >= s);
+    while !stop.load(Ordering::Relaxed) && !over(running.began) && !running.thread.is_finished() {
+        if publisher.visit(None) {
+            break;
+        }
+        std::thread::sleep(VISIT);
+    }
+}
+
+/// Stops the servo, brings every viewer to the last brick, compares digests, reports.
+fn finish(
+    args: &HapticsArgs,
+    tools: &[Tool],
+    scene: &Scene,
+    mut publisher: Publisher,
+    running: Running,
+) -> anyhow::Result<()> {
+    running.stop.store(true, Ordering::Relaxed);
+    let finished = running
+        .thread
+        .join()
+        .map_err(|_| anyhow!("the servo thread could not be joined; motors are stopped by the device's watchdog"))?;
+    let seconds = running.began.elapsed().as_secs_f64();
+    while !publisher.records.is_empty() {
+        publisher.drain();
+    }
+    let bone = &scene.bone;
+    let servo_digest = finished.servo.cut().digest(bone);
+    let mirror_digest = publisher.mirror.cut.digest(bone);
+    let viewer = last_digests(&mut publisher, wire_digest(mirror_digest));
+    if let Some(log) = &mut publisher.pose_log {
+        log.flush().context("pose log: cannot write its end")?;
+    }
+    let failure = failure(&finished.ending);
+    let report = SessionReport::new(&Facts {
+        scene,
+        tools,
+        stats: &publisher.stats,
+        servo_digest,
+        mirror: &publisher.mirror.cut,
+        mirror_digest,
+        link_name: finished.link.describe(),
+        link: finished.link.stats(),
+        viewers: publisher.viewers,
+        viewer,
+        seconds,
+        realtime_refused: running.refused,
+        ended: failure
+            .clone()
+            .unwrap_or_else(|| "as asked".to_owned()),
+    });
+    goodbye(&mut publisher, &report.ended);
+    if let Some(path) = &args.json {
+        serde_json::to_writer_pretty(BufWriter::new(create(path)?), &report)
+            .with_context(|| format!("{}: cannot write", path.display()))?;
+    }
+    match failure {
+        Some(reason) => Err(anyhow!("{reason}")),
+        None if !report.digests_agree() => {
+            bail!("the digests differ: {:?}; the viewers' bone is not the servo's", report.digest)
+        }
+        None => Ok(()),
+    }
+}
+
+fn failure(ending: &Ending) -> Option<String> {
+    match ending {
+        Ending::Stopped => None,
+        Ending::Link(e) => Some(e.to_string()),
+        Ending::Silent => {
+            Some("the device sent nothing for 1 s; check its power and cable".to_owned())
+        }
+        Ending::Panicked(message) => Some(format!(
+            "the servo thread panicked ({message}); the motors were set to zero; please report this"
+        )),
+    }
+}
+
+/// Waits until every live viewer has answered the last digest, at most [`DIGEST_TIMEOUT`].
+fn last_digests(publisher: &mut Publisher, digest: Digest) -> Option<ViewerReport> {
+    let began = Instant::now();
+    while began.elapsed() < DIGEST_TIMEOUT {
+        publisher.visit(Some(digest));
+        if publisher.clients.iter().all(|c| c.report.is_some()) {
+            break;
+        }
+        std::thread::sleep(VISIT);
+    }
+    publisher.clients.iter().find_map(|c| c.report)
+}
+
+fn goodbye(publisher: &mut Publisher, reason: &str) {
+    let bye = ToViewer::Bye {
+        reason: reason.to_owned(),
+    };
+    for client in &mut publisher.clients {
+        if let Err(e) = client.say(&bye) {
+            warn(&format!("viewer '{}': {e:#}", client.name));
+        }
+    }
+}
+
+#[expect(clippy::print_stdout, reason = "the one line that says that the session runs")]
+fn say(text: &str) {
+    println!("{text}");
+}

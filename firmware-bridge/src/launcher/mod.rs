@@ -1,0 +1,58 @@
+//! `osteon demo`: starts the simulated device, the haptics process and a viewer, supervises them,
+//! brings them down in order and reports.
+
+mod child;
+mod disturb;
+mod report;
+mod stroke;
+mod supervise;
+mod truth;
+
+pub use disturb::Disturbance;
+pub use truth::PoseError;
+
+use crate::scene::SceneArgs;
+use std::path::PathBuf;
+
+/// Options of the demonstration.
+#[derive(Debug, Clone, clap::Args)]
+pub struct DemoArgs {
+    /// The bone.
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// No window: the viewer process draws offscreen
+    #[arg(long)]
+    pub headless: bool,
+    /// Length of the session, s; the hand needs 16
+    #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = crate::haptics::positive)]
+    pub seconds: f64,
+    /// Write the session report as JSON
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Write a picture of the bone at the session's end (PNG)
+    #[arg(long, value_name = "FILE")]
+    pub screenshot: Option<PathBuf>,
+    /// Size of the offscreen picture, pixels
+    #[arg(long, value_name = "WxH", default_value = "1280x720")]
+    pub size: String,
+    /// Stop and kill the viewer on purpose, for example stop@5:5,kill@12 (seconds)
+    #[arg(long, value_name = "SCRIPT", value_parser = disturb::parse)]
+    pub disturb_viewer: Option<Disturbance>,
+    /// Keep the session's files (stroke, ground truth, pose log) in this folder
+    #[arg(long, value_name = "DIR")]
+    pub keep_files: Option<PathBuf>,
+}
+
+/// What this machine can show, as the viewer's own probe found it.
+#[derive(Debug, Clone)]
+pub struct Screen {
+    /// Why no window can be opened; `None` where one can.
+    pub no_window: Option<String>,
+    /// The graphics adapter; `None` where nothing can be drawn at all.
+    pub adapter: Option<String>,
+}
+
+/// Runs the demonstration. `screen` is asked only where a window is wanted.
+pub fn run(args: &DemoArgs, screen: impl FnOnce() -> Screen) -> anyhow::Result<()> {
+    supervise::run(args, screen())
+}

@@ -1,0 +1,91 @@
+//! Arguments of `osteon view`.
+
+use std::path::PathBuf;
+
+/// Shows a session of the haptics process, in a window or in a picture.
+#[derive(Debug, Clone, clap::Args)]
+pub struct ViewArgs {
+    /// Socket of the haptics process.
+    #[arg(long, value_name = "PATH")]
+    pub socket: PathBuf,
+    /// Open no window; write the last state of the session to this PNG.
+    #[arg(long, value_name = "OUT.png")]
+    pub offscreen: Option<PathBuf>,
+    /// Size of the window or picture in pixels.
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size)]
+    pub size: [u32; 2],
+    /// Resolution of the 3-D view as a share of the window's, 0.1 to 2 [default: 1, or 0.5 where
+    /// the CPU draws].
+    #[arg(long, value_name = "F", value_parser = parse_scale)]
+    pub scale: Option<f64>,
+    /// End after this many seconds.
+    #[arg(long, value_name = "N", value_parser = parse_seconds)]
+    pub seconds: Option<f64>,
+    /// Core to stay off [default: the last one, where the servo loop runs].
+    #[arg(long, value_name = "N")]
+    pub avoid_core: Option<usize>,
+    /// Write adapter, frame times and counters to this file at the end.
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+    /// End when the process that started this one ends.
+    #[arg(long, hide = true)]
+    pub die_with_parent: bool,
+    /// Save a picture of the whole window (also: the variable OSTEON_SCREENSHOT).
+    #[arg(long, hide = true, value_name = "OUT.png")]
+    pub window_screenshot: Option<PathBuf>,
+    /// When to save it, seconds after the bone is complete.
+    #[arg(long, hide = true, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds)]
+    pub screenshot_after: f64,
+}
+
+/// Longest edge of a window or picture, pixels.
+const MOST_PIXELS: u32 = 8192;
+
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let edge = |s: &str| {
+        s.parse::<u32>()
+            .ok()
+            .filter(|n| (16..=MOST_PIXELS).contains(n))
+    };
+    text.split_once('x')
+        .and_then(|(w, h)| Some([edge(w)?, edge(h)?]))
+        .ok_or_else(|| {
+            format!("a size is WIDTHxHEIGHT, each 16 to {MOST_PIXELS} pixels, for example 1280x720")
+        })
+}
+
+fn parse_scale(text: &str) -> Result<f64, String> {
+    let scale = text.parse::<f64>().ok().filter(|s| (0.1..=2.0).contains(s));
+    scale.ok_or_else(|| "a scale is a number from 0.1 to 2".to_owned())
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse::<f64>().ok().filter(|s| (0.0..=1e6).contains(s));
+    seconds.ok_or_else(|| "a number of seconds from 0 to 1000000".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_and_scales_are_bounded() {
+        assert_eq!(parse_size("1280x720"), Ok([1280, 720]));
+        for bad in [
+            "",
+            "x",
+            "12x",
+            "1280",
+            "0x0",
+            "99999x10",
+            "-5x20",
+            "1280x720x3",
+        ] {
+            assert!(parse_size(bad).is_err(), "{bad}");
+        }
+        for bad in ["nan", "inf", "0", "3", "-1", "half"] {
+            assert!(parse_scale(bad).is_err(), "{bad}");
+        }
+        assert!(parse_seconds("nan").is_err() && parse_seconds("-1").is_err());
+    }
+}

@@ -1,0 +1,206 @@
+//! What stands around the 3-D view. Panels read a [`Status`] and return [`Wish`]es; they hold no
+//! lock and change nothing themselves.
+
+mod bone;
+mod connection;
+pub(crate) mod overlay;
+pub(crate) mod plots;
+mod rates;
+mod tool;
+
+use crate::history::Point;
+use crate::mirror::Mirror;
+use egui::{Color32, FontId, Key, RichText, TextStyle};
+use osteon_protocol::ipc::{Command, Health, PoseUpdate, Scene};
+use osteon_sim_core::tissue::TISSUES;
+use std::sync::Arc;
+
+/// The session as the panels show it: a copy, so that the link never waits for them.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Status {
+    /// What is on the table.
+    pub(crate) scene: Option<Arc<Scene>>,
+    /// Chunks here and in all.
+    pub(crate) chunks: (usize, usize),
+    /// Newest pose.
+    pub(crate) pose: Option<PoseUpdate>,
+    /// Newest health.
+    pub(crate) health: Option<Health>,
+    /// mm³ removed by tissue class.
+    pub(crate) removed_mm3: [f64; TISSUES],
+    /// Tissue at the tool's apex.
+    pub(crate) layer: Option<&'static str>,
+    /// Force and depth, oldest first.
+    pub(crate) points: Vec<Point>,
+    /// Bricks that wait to be shown.
+    pub(crate) waiting: usize,
+    /// Bricks taken over.
+    pub(crate) updates: u64,
+    /// Socket.
+    pub(crate) socket: String,
+    /// Frames a second while pictures change.
+    pub(crate) fps: f64,
+    /// Who draws.
+    pub(crate) adapter: String,
+    /// Whether the CPU draws.
+    pub(crate) software: bool,
+    /// Resolution of the 3-D view as a share of the window's.
+    pub(crate) scale: f64,
+    /// What went wrong with the last wish.
+    pub(crate) complaint: String,
+}
+
+impl Status {
+    /// Copies the mirror's part.
+    pub(crate) fn new(mirror: &Mirror) -> Self {
+        Self {
+            scene: mirror.scene.clone(),
+            chunks: mirror.chunks(),
+            pose: mirror.pose,
+            health: mirror.health.clone(),
+            removed_mm3: mirror.removed_mm3,
+            layer: mirror.layer_at_tip(),
+            points: mirror.history.points().copied().collect(),
+            waiting: mirror.model.as_ref().map_or(0, |m| m.dirty.len()),
+            updates: mirror.updates,
+            ..Self::default()
+        }
+    }
+
+    fn spindle_on(&self) -> bool {
+        self.pose.is_some_and(|p| p.spindle_on)
+    }
+
+    fn paused(&self) -> bool {
+        self.pose.is_some_and(|p| p.paused)
+    }
+
+    fn tools(&self) -> usize {
+        self.scene.as_ref().map_or(0, |s| s.tools.len())
+    }
+}
+
+/// What a person asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Wish {
+    /// Something for the haptics process.
+    Command(Command),
+    /// Frame the whole bone.
+    WholeBone,
+    /// Look closely at the glenoid.
+    Glenoid,
+    /// Show or hide the tool.
+    ToggleTool,
+    /// Show or hide the help.
+    ToggleHelp,
+    /// Close the viewer.
+    Quit,
+}
+
+/// Dark, with text of high contrast.
+pub(crate) fn style(ctx: &egui::Context) {
+    ctx.set_theme(egui::Theme::Dark);
+    ctx.all_styles_mut(|style| {
+        style.visuals.override_text_color = Some(Color32::from_rgb(0xee, 0xf1, 0xf4));
+        style.visuals.panel_fill = Color32::from_rgb(0x16, 0x19, 0x1d);
+        style.visuals.extreme_bg_color = Color32::from_rgb(0x0e, 0x10, 0x13);
+        style.spacing.item_spacing = egui::vec2(6.0, 3.0);
+        style
+            .text_styles
+            .insert(TextStyle::Body, FontId::proportional(13.0));
+        style
+            .text_styles
+            .insert(TextStyle::Button, FontId::proportional(13.0));
+        style
+            .text_styles
+            .insert(TextStyle::Monospace, FontId::monospace(12.0));
+        style
+            .text_styles
+            .insert(TextStyle::Small, FontId::proportional(11.0));
+    });
+}
+
+/// The column of facts and buttons.
+pub(crate) fn facts(ui: &mut egui::Ui, status: &Status, wishes: &mut Vec<Wish>) {
+    egui::ScrollArea::vertical().show(ui, |ui| {
+        connection::show(ui, status);
+        tool::show(ui, status, wishes);
+        bone::show(ui, status);
+        rates::show(ui, status);
+    });
+}
+
+/// A heading with a line under it.
+fn heading(ui: &mut egui::Ui, text: &str) {
+    ui.add_space(5.0);
+    ui.label(
+        RichText::new(text)
+            .strong()
+            .size(14.0)
+            .color(Color32::from_rgb(0x8f, 0xc7, 0xff)),
+    );
+    ui.separator();
+}
+
+/// A grid of names and values.
+fn table(ui: &mut egui::Ui, name: &str, rows: impl FnOnce(&mut egui::Ui)) {
+    egui::Grid::new(name)
+        .num_columns(2)
+        .min_col_width(74.0)
+        .spacing([8.0, 2.0])
+        .show(ui, rows);
+}
+
+/// A row of [`table`]; a long value is cut and shown whole under the pointer.
+fn row(ui: &mut egui::Ui, name: &str, value: impl Into<RichText>) {
+    ui.label(RichText::new(name).color(Color32::from_gray(0xa8)));
+    ui.add(egui::Label::new(value.into()).truncate());
+    ui.end_row();
+}
+
+/// What the keys that were pressed ask for.
+pub(crate) fn hotkeys(ctx: &egui::Context, status: &Status) -> Vec<Wish> {
+    const DIGITS: [Key; 8] = [
+        Key::Num1,
+        Key::Num2,
+        Key::Num3,
+        Key::Num4,
+        Key::Num5,
+        Key::Num6,
+        Key::Num7,
+        Key::Num8,
+    ];
+    let mut wishes = Vec::new();
+    ctx.input(|input| {
+        for (tool, key) in (0u8..).zip(DIGITS) {
+            if usize::from(tool) < status.tools() && input.key_pressed(key) {
+                wishes.push(Wish::Command(Command::SelectTool(tool)));
+            }
+        }
+        let plain = [
+            (
+                Key::S,
+                Wish::Command(Command::Spindle(!status.spindle_on())),
+            ),
+            (Key::P, Wish::Command(Command::Pause(!status.paused()))),
+            (Key::R, Wish::Command(Command::Reset)),
+            (Key::W, Wish::WholeBone),
+            (Key::G, Wish::Glenoid),
+            (Key::H, Wish::ToggleTool),
+            (Key::Questionmark, Wish::ToggleHelp),
+            (Key::F1, Wish::ToggleHelp),
+            (Key::Escape, Wish::Quit),
+        ];
+        let bare = !input.modifiers.command && !input.modifiers.alt;
+        wishes.extend(
+            plain
+                .iter()
+                .filter(|(k, _)| bare && input.key_pressed(*k))
+                .map(|&(_, w)| w),
+        );
+        if input.modifiers.command && input.key_pressed(Key::Q) {
+            wishes.push(Wish::Quit);
+        }
+    });
+    wishes
+}

@@ -1,0 +1,76 @@
+//! Force and depth of the last seconds.
+
+use super::Status;
+use crate::history::PLOT_S;
+use crate::palette::{DEPTH, FAILURE, FORCE};
+use egui::{Color32, RichText};
+use egui_plot::{HLine, Line, LineStyle, Plot, PlotPoints};
+
+/// Shows both plots side by side.
+pub(crate) fn show(ui: &mut egui::Ui, status: &Status) {
+    let newest = status.points.last();
+    let limit = status.scene.as_ref().map_or(3.3, |s| s.force_limit_n);
+    ui.columns_const(|[left, right]| {
+        let force = newest.map_or(0.0, |p| p.force_n);
+        title(
+            left,
+            &format!("Force at the stylus, N: {force:.2} (limit {limit:.1})"),
+            FORCE,
+        );
+        let points = series(status, |p| p.force_n);
+        plot("force", 0.0, limit * 1.15).show(left, |plot| {
+            let line = HLine::new("limit", limit)
+                .color(FAILURE)
+                .style(LineStyle::dashed_loose());
+            plot.hline(line);
+            plot.line(Line::new("force", points).color(FORCE).width(1.5));
+        });
+        let depth = newest.map_or(0.0, |p| p.depth_mm);
+        title(
+            right,
+            &format!("Depth past first touch, mm: {depth:.2}"),
+            DEPTH,
+        );
+        let points = series(status, |p| p.depth_mm);
+        let (lo, hi) = range(status);
+        plot("depth", lo, hi).show(right, |plot| {
+            plot.hline(HLine::new("first touch", 0.0).color(Color32::from_gray(0x80)));
+            plot.line(Line::new("depth", points).color(DEPTH).width(1.5));
+        });
+    });
+}
+
+fn title(ui: &mut egui::Ui, text: &str, colour: Color32) {
+    ui.label(RichText::new(text).color(colour).strong());
+}
+
+fn plot(name: &'static str, lo: f64, hi: f64) -> Plot<'static> {
+    Plot::new(name)
+        .show_x(false)
+        .allow_drag(false)
+        .allow_zoom(false)
+        .allow_scroll(false)
+        .allow_boxed_zoom(false)
+        .x_axis_formatter(|mark, _| format!("{:.0} s", mark.value))
+        .include_x(-PLOT_S)
+        .include_x(0.0)
+        .include_y(lo)
+        .include_y(hi)
+}
+
+/// Points over seconds before now.
+fn series(status: &Status, value: impl Fn(&crate::history::Point) -> f64) -> PlotPoints<'static> {
+    let now = status.points.last().map_or(0.0, |p| p.time_s);
+    status
+        .points
+        .iter()
+        .map(|p| [p.time_s - now, value(p)])
+        .collect()
+}
+
+/// Lowest and highest depth, at least 5 mm apart.
+fn range(status: &Status) -> (f64, f64) {
+    let depths = status.points.iter().map(|p| p.depth_mm);
+    let (lo, hi) = depths.fold((0.0_f64, 0.0_f64), |(lo, hi), d| (lo.min(d), hi.max(d)));
+    (lo, hi.max(lo + 5.0))
+}

@@ -1,0 +1,58 @@
+//! A picture of the whole window, for documentation.
+
+use crate::cli::ViewArgs;
+use crate::offscreen::write_png;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Asks for one picture of the window at a time after the bone is complete.
+#[derive(Debug)]
+pub(crate) struct Screenshot {
+    path: Option<PathBuf>,
+    after: Duration,
+    // when the bone was first seen complete
+    complete: Option<Instant>,
+}
+
+impl Screenshot {
+    /// From the arguments, or the variable `OSTEON_SCREENSHOT`.
+    pub(crate) fn new(args: &ViewArgs) -> Self {
+        let variable = || std::env::var_os("OSTEON_SCREENSHOT").filter(|v| !v.is_empty());
+        Self {
+            path: args
+                .window_screenshot
+                .clone()
+                .or_else(|| variable().map(PathBuf::from)),
+            after: Duration::from_secs_f64(args.screenshot_after),
+            complete: None,
+        }
+    }
+
+    /// Called once a frame; `complete` = the bone is on the screen.
+    pub(crate) fn step(&mut self, ctx: &egui::Context, complete: bool) {
+        if self.path.is_none() || !complete {
+            return;
+        }
+        let since = *self.complete.get_or_insert_with(Instant::now);
+        let left = self.after.saturating_sub(since.elapsed());
+        if !left.is_zero() {
+            ctx.request_repaint_after(left);
+            return;
+        }
+        if let Some(path) = self.path.take() {
+            ctx.request_screenshot(move |image| {
+                // a window is never above the adapter's texture edge
+                let size = image.size.map(|n| n as u32);
+                let pixels: Vec<u8> = image
+                    .pixels
+                    .iter()
+                    .flat_map(egui::Color32::to_array)
+                    .collect();
+                match write_png(&path, size, &pixels) {
+                    Ok(()) => crate::say(&format!("picture of the window: {}", path.display())),
+                    Err(e) => crate::say(&format!("{e:#}")),
+                }
+            });
+        }
+    }
+}

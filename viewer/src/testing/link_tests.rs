@@ -1,0 +1,193 @@
+//! The whole way without a window: socket, mirror, pictures, answers, exits.
+
+use super::bones::{scapula_like, surgery};
+use super::messages::{brick_updates, pose_at, upload, wire};
+use super::server::{Server, Talk};
+use crate::adapter;
+use crate::cli::ViewArgs;
+use crate::link::Shared;
+use glam::DVec3;
+use osteon_protocol::ipc::{Command, Digest, FromViewer, IPC_VERSION, ToViewer};
+use osteon_sim_core::cut::Cut;
+use osteon_sim_core::pose::Pose;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+fn args(socket: &Path, out: Option<PathBuf>) -> ViewArgs {
+    ViewArgs {
+        socket: socket.to_owned(),
+        report: out.as_ref().map(|o| o.with_extension("json")),
+        offscreen: out,
+        size: [320, 180],
+        scale: None,
+        seconds: None,
+        avoid_core: None,
+        die_with_parent: false,
+        window_screenshot: None,
+        screenshot_after: 1.0,
+    }
+}
+
+#[test]
+fn a_whole_session_offscreen_ends_with_a_picture_equal_digests_and_a_report() {
+    if let Err(e) = adapter::open() {
+        eprintln!("SKIPPED whole session: {e:#}");
+        return;
+    }
+    let (bone, plan) = scapula_like(1.0);
+    let server = Server::start(
+        "whole",
+        Box::new(move |talk| {
+            let mut cut = Cut::new(&bone);
+            talk.hello();
+            assert!(matches!(
+                talk.hear(),
+                FromViewer::Hello {
+                    version: IPC_VERSION,
+                    ..
+                }
+            ));
+            for message in upload(&bone, &plan) {
+                talk.send(&message);
+            }
+            surgery(&bone, &mut cut, &plan);
+            for (tick, update) in (1u64..).zip(brick_updates(&bone, &cut)) {
+                let mut pose = pose_at([0.0; 3]);
+                pose.tick = tick * 100;
+                pose.bone_from_tool = wire(&Pose::new(plan.rotation, plan.point(DVec3::Z * 12.0)));
+                talk.send(&ToViewer::Pose(pose));
+                talk.send(&ToViewer::Bricks(update));
+                std::thread::sleep(Duration::from_millis(30));
+            }
+            let own = cut.digest(&bone);
+            let own = Digest {
+                epoch: own.epoch,
+                revision: own.revision,
+                hash: own.hash,
+                changed_chunks: own.changed_chunks,
+            };
+            assert_eq!(talk.digest(own), own);
+            talk.bye();
+        }),
+    );
+    let out = server.socket.with_file_name("out.png");
+    crate::run_here(args(&server.socket, Some(out.clone()))).unwrap();
+    let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(&out).unwrap()));
+    let reader = decoder.read_info().unwrap();
+    assert_eq!((reader.info().width, reader.info().height), (320, 180));
+    let text = std::fs::read_to_string(out.with_extension("json")).unwrap();
+    eprintln!("{text}");
+    let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert!(report["frames"].as_u64().is_some_and(|n| n > 1), "{text}");
+    assert!(report["updates"].as_u64().is_some_and(|n| n > 0), "{text}");
+    assert_eq!(
+        (report["resyncs"].as_u64(), report["end"].as_str()),
+        (Some(1), Some("bye: done"))
+    );
+    server.join();
+}
+
+/// Runs a viewer against a script and returns its error line.
+fn error_of(name: &str, script: impl FnOnce(&mut Talk) + Send + 'static) -> String {
+    let server = Server::start(name, Box::new(script));
+    let shared = Shared::new();
+    let link = crate::link::Link::start(&server.socket, "test", &shared).unwrap();
+    shared.wait(Duration::from_secs(20), |m| m.end.is_some());
+    let end = shared.mirror().end.clone();
+    link.flush(Duration::from_millis(100));
+    server.join();
+    match end {
+        Some(crate::mirror::End::Failed(line)) => line,
+        other => panic!("{name}: {other:?}"),
+    }
+}
+
+#[test]
+fn what_is_no_session_is_refused_in_one_line() {
+    let cases: [(&str, Box<dyn FnOnce(&mut Talk) + Send>, &str); 6] = [
+        (
+            "garbage",
+            Box::new(|t| t.send_bytes(&[0x5a; 4096])),
+            "no osteon messages",
+        ),
+        (
+            "http",
+            Box::new(|t| t.send_bytes(b"HTTP/1.1 400 Bad Request\r\n\r\n")),
+            "no osteon messages",
+        ),
+        (
+            "version",
+            Box::new(|t| t.send(&ToViewer::Hello { version: 999 })),
+            "version 999",
+        ),
+        (
+            "refused",
+            Box::new(|t| {
+                t.hello();
+                t.send(&ToViewer::Refused {
+                    reason: "one viewer is enough; close the other".into(),
+                });
+            }),
+            "one viewer is enough",
+        ),
+        ("silent", Box::new(|t| t.hello()), "without a farewell"),
+        (
+            "rude",
+            Box::new(|t| t.send(&ToViewer::Reset { epoch: 1 })),
+            "did not begin with a hello",
+        ),
+    ];
+    for (name, script, expected) in cases {
+        let line = error_of(name, script);
+        assert!(
+            line.contains(expected) && !line.contains('\n'),
+            "{name}: {line}"
+        );
+        eprintln!("{line}");
+    }
+}
+
+#[test]
+fn an_absent_socket_is_named_with_the_remedy() {
+    let shared = Shared::new();
+    let path = Path::new("/nonexistent/osteon.sock");
+    let line = crate::link::Link::start(path, "test", &shared)
+        .err()
+        .map(|e| e.to_string());
+    let line = line.unwrap_or_default();
+    assert!(
+        line.contains("/nonexistent/osteon.sock") && line.contains("--socket"),
+        "{line}"
+    );
+}
+
+#[test]
+fn commands_arrive_in_order_and_a_stuck_link_does_not_hold_the_caller() {
+    let (release, wait) = std::sync::mpsc::sync_channel::<()>(1);
+    let server = Server::start(
+        "commands",
+        Box::new(move |talk| {
+            talk.hello();
+            assert!(matches!(talk.hear(), FromViewer::Hello { .. }));
+            assert_eq!(talk.hear(), FromViewer::Command(Command::SelectTool(1)));
+            assert_eq!(talk.hear(), FromViewer::Command(Command::Spindle(true)));
+            wait.recv().unwrap();
+            talk.bye();
+        }),
+    );
+    let shared = Shared::new();
+    let link = crate::link::Link::start(&server.socket, "test", &shared).unwrap();
+    assert!(link.command(Command::SelectTool(1)));
+    assert!(link.command(Command::Spindle(true)));
+    // nobody reads now: socket and channel fill up, and the caller is told at once
+    let begin = std::time::Instant::now();
+    let refused = (0..200_000).any(|_| !link.command(Command::Pause(true)));
+    assert!(refused && begin.elapsed() < Duration::from_secs(5));
+    release.send(()).unwrap();
+    shared.wait(Duration::from_secs(10), |m| m.end.is_some());
+    assert!(matches!(
+        shared.mirror().end,
+        Some(crate::mirror::End::Bye(_))
+    ));
+    server.join();
+}

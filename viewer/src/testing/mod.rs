@@ -1,0 +1,9 @@
+//! Synthetic bones, messages and a haptics process for tests.
+
+pub(crate) mod bones;
+pub(crate) mod messages;
+pub(crate) mod server;
+
+mod link_tests;
+mod mirror_tests;
+mod picture_tests;
