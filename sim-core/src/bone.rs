@@ -75,6 +75,8 @@ pub struct Bone {
     table: Vec<u32>,
     coords: Vec<[u16; 3]>,
     bony: Vec<u64>,
+    // one bit a 4³ cell, eight cells a brick
+    bony_cells: Vec<[u8; BRICKS_PER_CHUNK]>,
     density_hu: Vec<i16>,
     solid: Vec<i16>,
     class: Vec<u8>,
@@ -91,6 +93,7 @@ impl Bone {
             table: vec![ABSENT; cx * cy * cz],
             coords: Vec::new(),
             bony: Vec::new(),
+            bony_cells: Vec::new(),
             density_hu: Vec::new(),
             solid: Vec::new(),
             class: Vec::new(),
@@ -137,11 +140,11 @@ impl Bone {
 
     fn push_dense_chunk(&mut self, dense: &DenseBone<'_>, coord: [u16; 3]) {
         let grid = self.grid;
-        let bony = bony_mask(&grid, dense.solid_mm, coord);
+        let (bony, cells) = bony_masks(&grid, dense.solid_mm, coord);
         if bony == 0 {
             return;
         }
-        self.register(coord, bony);
+        self.register(coord, bony, cells);
         let base = self.solid.len();
         self.density_hu.resize(base + CHUNK_VOXELS, -1000);
         self.solid.resize(base + CHUNK_VOXELS, -i16::MAX);
@@ -162,11 +165,12 @@ impl Bone {
         }
     }
 
-    fn register(&mut self, coord: [u16; 3], bony: u64) {
+    fn register(&mut self, coord: [u16; 3], bony: u64, cells: [u8; BRICKS_PER_CHUNK]) {
         let at = self.table_index(coord.map(usize::from));
         self.table[at] = self.coords.len() as u32;
         self.coords.push(coord);
         self.bony.push(bony);
+        self.bony_cells.push(cells);
     }
 
     /// Adds one chunk as it came over the wire. `bony` is the sender's brick mask
@@ -196,7 +200,8 @@ impl Bone {
             return Err(BoneError::Chunk(coord));
         }
         let index = self.coords.len();
-        self.register(coord, bony);
+        // the sender's cells are not sent: every cell of a bony brick may be one
+        self.register(coord, bony, [u8::MAX; BRICKS_PER_CHUNK]);
         self.density_hu.extend_from_slice(data.density_hu);
         self.solid.extend_from_slice(data.solid);
         self.class.extend_from_slice(data.class);
@@ -235,6 +240,11 @@ impl Bone {
         self.bony[chunk]
     }
 
+    /// The same for the eight 4³ cells of a brick (bit = cell, x fastest).
+    pub fn bony_cells(&self, chunk: usize, brick: usize) -> u8 {
+        self.bony_cells[chunk][brick]
+    }
+
     /// The values of chunk `chunk`.
     pub fn chunk(&self, chunk: usize) -> ChunkData<'_> {
         let range = chunk * CHUNK_VOXELS..(chunk + 1) * CHUNK_VOXELS;
@@ -271,7 +281,7 @@ impl Bone {
     pub fn solid_mm3(&self) -> f64 {
         let occupancy = Occupancy::new(&self.grid);
         let units: i64 = self.solid.iter().map(|&d| occupancy.units(d)).sum();
-        units as f64 * occupancy.mm3_per_unit(&self.grid)
+        occupancy.mm3(&self.grid, units)
     }
 
     /// Corners of the box around all kept chunks, bone frame, mm.
@@ -292,21 +302,36 @@ impl Bone {
     }
 }
 
-fn bony_mask(grid: &Grid, solid_mm: &[f32], coord: [u16; 3]) -> u64 {
-    let band = grid.band_mm() as f32;
-    let mut mask = 0u64;
-    for brick in 0..BRICKS_PER_CHUNK {
+/// Brick mask and cell masks of one chunk.
+fn bony_masks(grid: &Grid, solid_mm: &[f32], coord: [u16; 3]) -> (u64, [u8; BRICKS_PER_CHUNK]) {
+    let mut bricks = 0u64;
+    let mut cells = [0u8; BRICKS_PER_CHUNK];
+    for (brick, cell_mask) in cells.iter_mut().enumerate() {
         let o = brick_origin(brick);
-        let lo: [usize; 3] = core::array::from_fn(|a| usize::from(coord[a]) * CHUNK + o[a]);
-        let from = lo.map(|v| v.saturating_sub(1));
-        let to: [usize; 3] = core::array::from_fn(|a| (lo[a] + 9).min(grid.dims[a]));
-        let near = (from[2]..to[2]).any(|k| {
-            (from[1]..to[1])
-                .any(|j| (from[0]..to[0]).any(|i| solid_mm[grid.dense_index(i, j, k)] > -band))
-        });
-        mask |= u64::from(near) << brick;
+        for cell in 0..8usize {
+            let at = cell_origin(cell);
+            let lo = core::array::from_fn(|a| usize::from(coord[a]) * CHUNK + o[a] + at[a]);
+            *cell_mask |= u8::from(near_bone(grid, solid_mm, lo)) << cell;
+        }
+        bricks |= u64::from(*cell_mask != 0) << brick;
     }
-    mask
+    (bricks, cells)
+}
+
+/// Lowest voxel of cell `cell` (in `0..8`) inside its brick.
+pub(crate) fn cell_origin(cell: usize) -> [usize; 3] {
+    [(cell & 1) * 4, ((cell >> 1) & 1) * 4, (cell >> 2) * 4]
+}
+
+/// Whether a voxel of the 4³ cell at `lo`, or of its one-voxel apron, is inside the band.
+fn near_bone(grid: &Grid, solid_mm: &[f32], lo: [usize; 3]) -> bool {
+    let band = grid.band_mm() as f32;
+    let from = lo.map(|v| v.saturating_sub(1));
+    let to: [usize; 3] = core::array::from_fn(|a| (lo[a] + 5).min(grid.dims[a]));
+    (from[2]..to[2]).any(|k| {
+        (from[1]..to[1])
+            .any(|j| (from[0]..to[0]).any(|i| solid_mm[grid.dense_index(i, j, k)] > -band))
+    })
 }
 
 /// How much of a voxel a distance value stands for, in integer units, so that sums of removed
@@ -315,14 +340,11 @@ fn bony_mask(grid: &Grid, solid_mm: &[f32], coord: [u16; 3]) -> u64 {
 /// A plane at signed distance *d* from the voxel's centre leaves the fraction
 /// `clamp(1/2 + d/w, 0, 1)`, `w` = the largest spacing. Sums over a plane along that axis are
 /// exact; across a shorter axis they ripple below 4 % of a voxel layer, without bias.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Occupancy {
     // half the window, units of the stored distance; at least 1
-    half_window: i32,
+    half_window: i16,
 }
-
-/// Units of a full voxel.
-pub const OCCUPANCY_FULL: i64 = 1 << 16;
 
 impl Occupancy {
     /// The rule for one lattice.
@@ -330,19 +352,24 @@ impl Occupancy {
         let widest = grid.spacing_mm.max_element();
         let half = 0.5 * widest / f64::from(grid.quantum_mm());
         Self {
-            half_window: (half as i32).max(1),
+            // half a spacing is less than the band, which is i16::MAX units
+            half_window: (half as i16).max(1),
         }
     }
 
-    /// Units in `0..=OCCUPANCY_FULL` of a voxel whose stored distance is `d`.
-    pub fn units(&self, d: i16) -> i64 {
-        let d = i32::from(d).clamp(-self.half_window, self.half_window);
-        i64::from(d + self.half_window) * OCCUPANCY_FULL / i64::from(2 * self.half_window)
+    /// Units of a full voxel.
+    pub fn full(&self) -> i64 {
+        2 * i64::from(self.half_window)
     }
 
-    /// mm³ of one unit.
-    pub fn mm3_per_unit(&self, grid: &Grid) -> f64 {
-        grid.voxel_mm3() / OCCUPANCY_FULL as f64
+    /// Units in `0..=full()` of a voxel whose stored distance is `d`.
+    pub fn units(&self, d: i16) -> i64 {
+        i64::from(d.clamp(-self.half_window, self.half_window)) + i64::from(self.half_window)
+    }
+
+    /// Volume of `units`, mm³.
+    pub fn mm3(&self, grid: &Grid, units: i64) -> f64 {
+        units as f64 * (grid.voxel_mm3() / self.full() as f64)
     }
 }
 

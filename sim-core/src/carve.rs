@@ -4,9 +4,9 @@
 //! Culling by Lipschitz bounds at two levels (8³ bricks, 4³ cells). The order of work is a function
 //! of the arguments alone, so servo, publisher and replay get the same bits.
 
-use crate::bone::{Bone, Occupancy};
+use crate::bone::{Bone, Occupancy, cell_origin};
 use crate::broad::{Obb, chunk_range};
-use crate::cut::{Cut, MAX_TOOLS};
+use crate::cut::{Cut, MAX_TOOLS, Totals};
 use crate::grid::{BRICK, BRICK_VOXELS, CHUNK, brick_origin};
 use crate::pose::Pose;
 use crate::tissue::TISSUES;
@@ -195,92 +195,133 @@ impl<'a> Scan<'a> {
     ) -> bool {
         let mut removed = Removed::default();
         let mut any = false;
-        for cell in 0..8usize {
-            let at = [(cell & 1) * 4, ((cell >> 1) & 1) * 4, (cell >> 2) * 4];
+        let mut cells = self.bone.bony_cells(chunk, brick);
+        while cells != 0 {
+            let cell = cells.trailing_zeros() as usize;
+            cells &= cells - 1;
+            let at = cell_origin(cell);
             let corner = first
                 + self.step[0] * at[0] as f32
                 + self.step[1] * at[1] as f32
                 + self.step[2] * at[2] as f32;
             let centre = corner + (self.step[0] + self.step[1] + self.step[2]) * 1.5;
-            if self.tool.shape.signed_distance(centre) - self.cell_radius >= self.band {
+            let d = self.tool.shape.signed_distance(centre);
+            if d - self.cell_radius >= self.band {
                 continue;
             }
-            any |= self.cell(cut, (chunk, brick), (at, corner), (origin, &mut removed));
+            let inside = d + self.cell_radius <= -self.band;
+            let place = Place {
+                chunk,
+                brick,
+                at,
+                origin,
+            };
+            any |= self.cell(cut, &place, (!inside).then_some(corner), &mut removed);
         }
-        if removed.units != 0 {
-            let totals = &mut cut.totals;
-            for (sum, units) in totals.by_class.iter_mut().zip(removed.by_class) {
-                *sum += units;
-            }
-            totals.by_tool[usize::from(self.tool_index)] += removed.units;
-            for (sum, moment) in totals.moment.iter_mut().zip(removed.moment) {
-                *sum += moment;
-            }
-        }
+        removed.book(&mut cut.totals, self.tool_index);
         any
     }
 
+    /// Updates a 4³ cell row by row; `corner` is its lowest voxel in the tool frame, `None` where
+    /// the cell lies deeper than the band inside the tool.
     fn cell(
         &self,
         cut: &mut Cut,
-        (chunk, brick): (usize, usize),
-        (at, corner): ([usize; 3], Vec3),
-        (origin, removed): ([usize; 3], &mut Removed),
+        place: &Place,
+        corner: Option<Vec3>,
+        removed: &mut Removed,
     ) -> bool {
         let mut any = false;
         for z in 0..4 {
             for y in 0..4 {
-                let row = corner + self.step[1] * y as f32 + self.step[2] * z as f32;
-                for x in 0..4 {
-                    let q = row + self.step[0] * x as f32;
-                    let d = self.tool.shape.signed_distance(q);
-                    if d >= self.band {
-                        continue;
+                let new = match corner {
+                    None => [-i16::MAX; 4],
+                    Some(corner) => {
+                        let row = corner + self.step[1] * y as f32 + self.step[2] * z as f32;
+                        let d = self.tool.shape.signed_distance_row(row, self.step[0]);
+                        d.map(|d| self.quantise(d))
                     }
-                    let v = [at[0] + x, at[1] + y, at[2] + z];
-                    let local = (v[2] * BRICK + v[1]) * BRICK + v[0];
-                    let new = self.quantise(d);
-                    let old = cut.value(chunk, brick * BRICK_VOXELS + local);
-                    if new < old {
-                        cut.brick_mut(chunk, brick)[local] = new;
-                        self.account(
-                            cut,
-                            (chunk, brick * BRICK_VOXELS + local),
-                            (old, new),
-                            (origin, v, removed),
-                        );
-                        any = true;
-                    }
-                }
+                };
+                let local = ((place.at[2] + z) * BRICK + place.at[1] + y) * BRICK + place.at[0];
+                any |= self.row(cut, place, (local, new), removed);
             }
         }
         any
     }
 
-    // d < band; adding 32768.5 before the cast rounds to nearest without a library call
-    fn quantise(&self, d: f32) -> i16 {
-        let units = (d * self.units_per_mm).clamp(-32767.0, 32767.0);
-        ((units + 32768.5) as i32 - 32768).clamp(-32767, 32767) as i16
-    }
-
-    fn account(
+    /// Takes the smaller value for four voxels in a row and books what that removes.
+    fn row(
         &self,
         cut: &mut Cut,
-        (chunk, voxel): (usize, usize),
-        (old, new): (i16, i16),
-        (origin, v, removed): ([usize; 3], [usize; 3], &mut Removed),
-    ) {
-        let data = self.bone.chunk(chunk);
-        let solid = data.solid[voxel];
-        let units = self.occupancy.units(solid.min(old)) - self.occupancy.units(solid.min(new));
-        if units == 0 {
+        place: &Place,
+        (local, new): (usize, [i16; 4]),
+        removed: &mut Removed,
+    ) -> bool {
+        let voxel = place.brick * BRICK_VOXELS + local;
+        let old = cut.row(place.chunk, voxel);
+        if (0..4).all(|n| new[n] >= old[n]) {
+            return false;
+        }
+        let values = cut.brick_mut(place.chunk, place.brick);
+        for n in 0..4 {
+            values[local + n] = old[n].min(new[n]);
+        }
+        let data = self.bone.chunk(place.chunk);
+        for n in 0..4 {
+            let solid = data.solid[voxel + n];
+            let before = self.occupancy.units(solid.min(old[n]));
+            let units = before - self.occupancy.units(solid.min(old[n].min(new[n])));
+            if units != 0 {
+                let at = [local & 7, (local >> 3) & 7, local >> 6];
+                let index = [
+                    place.origin[0] + at[0] + n,
+                    place.origin[1] + at[1],
+                    place.origin[2] + at[2],
+                ];
+                cut.totals.by_label[usize::from(data.label[voxel + n])] += units;
+                removed.add(data.class[voxel + n], units, index);
+            }
+        }
+        true
+    }
+
+    // adding 32768.5 before the cast rounds to nearest without a library call; a NaN becomes 0 − 32768
+    // and is clamped like any other value
+    fn quantise(&self, d: f32) -> i16 {
+        let units = (d * self.units_per_mm).clamp(-32767.0, 32767.0);
+        ((units + 32768.5) as i32 - 32768) as i16
+    }
+}
+
+/// Where a cell lies.
+struct Place {
+    chunk: usize,
+    brick: usize,
+    // lowest voxel of the cell inside its brick
+    at: [usize; 3],
+    // lowest voxel of the brick in the lattice
+    origin: [usize; 3],
+}
+
+impl Removed {
+    fn add(&mut self, class: u8, units: i64, index: [usize; 3]) {
+        self.units += units;
+        self.by_class[usize::from(class) % TISSUES] += units;
+        for (sum, index) in self.moment.iter_mut().zip(index) {
+            *sum += units * index as i64;
+        }
+    }
+
+    fn book(&self, totals: &mut Totals, tool: u8) {
+        if self.units == 0 {
             return;
         }
-        removed.units += units;
-        removed.by_class[usize::from(data.class[voxel]) % TISSUES] += units;
-        cut.totals.by_label[usize::from(data.label[voxel])] += units;
-        for a in 0..3 {
-            removed.moment[a] += units * (origin[a] + v[a]) as i64;
+        for (sum, units) in totals.by_class.iter_mut().zip(self.by_class) {
+            *sum += units;
+        }
+        totals.by_tool[usize::from(tool)] += self.units;
+        for (sum, moment) in totals.moment.iter_mut().zip(self.moment) {
+            *sum += moment;
         }
     }
 }

@@ -3,7 +3,7 @@
 //! Lazily given to touched chunks out of a pool made at load, so that the servo thread allocates
 //! nothing. `cut = min(cut, sd_tool)`: idempotent, free of order, monotone within an epoch.
 
-use crate::bone::{Bone, OCCUPANCY_FULL, Occupancy};
+use crate::bone::{Bone, Occupancy};
 use crate::grid::{BRICK_VOXELS, BRICKS_PER_CHUNK, CHUNK_VOXELS, Grid};
 use crate::tissue::TISSUES;
 use glam::DVec3;
@@ -126,7 +126,7 @@ impl Cut {
 
     /// mm³ of `units`, for the lattice of this cut.
     pub fn mm3(grid: &Grid, units: i64) -> f64 {
-        units as f64 * (grid.voxel_mm3() / OCCUPANCY_FULL as f64)
+        Occupancy::new(grid).mm3(grid, units)
     }
 
     /// Back to the uncut bone under a new epoch. Constant work per chunk of the bone (four bytes);
@@ -169,6 +169,17 @@ impl Cut {
         match self.slots[chunk] {
             NO_SLOT => UNCUT,
             slot => self.pool[slot as usize * CHUNK_VOXELS + voxel],
+        }
+    }
+
+    /// Cut values of four voxels in a row, the first being `voxel`.
+    pub(crate) fn row(&self, chunk: usize, voxel: usize) -> [i16; 4] {
+        match self.slots[chunk] {
+            NO_SLOT => [UNCUT; 4],
+            slot => {
+                let at = slot as usize * CHUNK_VOXELS + voxel;
+                core::array::from_fn(|n| self.pool[at + n])
+            }
         }
     }
 

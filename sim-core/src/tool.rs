@@ -96,6 +96,32 @@ impl Shape {
         }
     }
 
+    /// [`Self::signed_distance`] of four points in a row, `first + n·step`: the same bits as one by
+    /// one.
+    pub fn signed_distance_row(&self, first: Vec3, step: Vec3) -> [f32; 4] {
+        let points = [0.0f32, 1.0, 2.0, 3.0].map(|n| first + step * n);
+        let radii = points.map(|p| (p.x * p.x + p.y * p.y).sqrt());
+        let heights = points.map(|p| p.z);
+        match *self {
+            Self::Dome {
+                radius_mm,
+                face_radius_mm,
+                height_mm,
+            } => {
+                let outline = [radius_mm, face_radius_mm, height_mm];
+                core::array::from_fn(|n| dome(radii[n], heights[n], outline))
+            }
+            Self::Drill {
+                radius_mm,
+                point_mm,
+                length_mm,
+            } => {
+                let outline = [radius_mm, point_mm, length_mm];
+                core::array::from_fn(|n| drill(radii[n], heights[n], outline))
+            }
+        }
+    }
+
     /// Box around the head, tool frame, mm.
     pub fn bounds(&self) -> ToolBox {
         let (radius, height) = match *self {
@@ -151,51 +177,55 @@ impl Shape {
     }
 }
 
-// ball cap below, cylinder beside, plane on top; (r, z) half-plane
+// ball cap below, cylinder beside, plane on top; (r, z) half-plane. Written without early returns,
+// so that rows of it are computed in parallel.
+#[inline]
 fn dome(r: f32, z: f32, [radius, face, height]: [f32; 3]) -> f32 {
     let rim = face - (face * face - radius * radius).sqrt();
     let from_centre = (r * r + (z - face) * (z - face)).sqrt();
-    let inside = (from_centre - face).max(r - radius).max(z - height);
-    if inside <= 0.0 {
-        return inside;
-    }
-    if z > height {
-        return hypot((r - radius).max(0.0), z - height);
-    }
-    if z >= rim {
-        return r - radius;
-    }
-    // the nearest point of the ball lies on the cap, or the rim is nearest
-    if r * face <= radius * from_centre {
-        from_centre - face
-    } else {
-        hypot(r - radius, z - rim)
-    }
+    let ball = from_centre - face;
+    let inside = ball.max(r - radius).max(z - height);
+    let above = z > height;
+    let edge = if above { z - height } else { z - rim };
+    let beside = (r - radius).max(0.0);
+    let corner = (beside * beside + edge * edge).sqrt();
+    // below the rim: the nearest point of the ball lies on the cap, or the rim is nearest
+    let on_cap = r * face <= radius * from_centre;
+    let below = if on_cap { ball } else { corner };
+    let flank = if z >= rim { r - radius } else { below };
+    let outside = if above { corner } else { flank };
+    if inside <= 0.0 { inside } else { outside }
 }
 
 // cone below, cylinder beside, plane on top
+#[inline]
 fn drill(r: f32, z: f32, [radius, point, length]: [f32; 3]) -> f32 {
-    let edge = (radius * radius + point * point).sqrt();
-    let cone = (r * point - z * radius) / edge;
+    let edge2 = radius * radius + point * point;
+    let cone = (r * point - z * radius) / edge2.sqrt();
     let inside = cone.max(r - radius).max(z - length);
-    if inside <= 0.0 {
-        return inside;
-    }
-    if z > length {
-        return hypot((r - radius).max(0.0), z - length);
-    }
-    let along = (r * radius + z * point) / (edge * edge);
-    if along < 0.0 {
-        hypot(r, z)
-    } else if along <= 1.0 {
-        cone
-    } else if z >= point {
-        r - radius
+    let along = (r * radius + z * point) / edge2;
+    // the corner that is nearest where no face is: apex, shoulder or upper rim
+    let above = z > length;
+    let (corner_r, corner_z) = if above {
+        ((r - radius).max(0.0), z - length)
+    } else if along < 0.0 {
+        (r, z)
     } else {
-        hypot(r - radius, z - point)
-    }
+        (r - radius, z - point)
+    };
+    let corner = (corner_r * corner_r + corner_z * corner_z).sqrt();
+    let on_cone = (0.0..=1.0).contains(&along);
+    let beside = z >= point && along > 1.0;
+    let face = if on_cone { cone } else { r - radius };
+    let outside = if above || !(on_cone || beside) {
+        corner
+    } else {
+        face
+    };
+    if inside <= 0.0 { inside } else { outside }
 }
 
+#[cfg(test)]
 fn hypot(a: f32, b: f32) -> f32 {
     (a * a + b * b).sqrt()
 }
@@ -278,7 +308,7 @@ fn cap_elements(face: f32, cap_height: f32, count: u16) -> Vec<Element> {
 
 // equal areas: the area of a cone grows with the square of the radius
 fn cone_elements(radius: f32, point: f32, count: u16) -> Vec<Element> {
-    let edge = hypot(radius, point);
+    let edge = (radius * radius + point * point).sqrt();
     let area = core::f32::consts::PI * radius * edge / f32::from(count);
     (0..count)
         .map(|i| {

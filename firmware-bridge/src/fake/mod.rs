@@ -3,7 +3,7 @@
 //! * [`firmware`]: the drive's state machine and watchdog; [`limits`]: its numbers.
 //! * [`plant`]: the arm. [`hand`]: who holds it. [`stroke`]: what the hand is to do.
 //! * [`device`]: the three together, in device time.
-//! * [`port`]: the pty and its link name. [`truth`]: the ground truth file. [`run`]: the process.
+//! * [`port`]: the pty and its link name. [`truth`]: the ground truth file. [`mod@run`]: the process.
 
 pub mod device;
 pub mod firmware;

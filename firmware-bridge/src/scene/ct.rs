@@ -122,10 +122,13 @@ fn read_cropped(args: &SceneArgs, path: &Path) -> Result<Cropped, SceneError> {
     };
     let keep = Keep::new(&kept_labels);
     let lattice = Lattice::of(&ct.grid);
-    let wanted = |at: usize| match labels.get(at) {
-        Some(&label) => keep.has(label),
-        None => ct.values[at] > args.threshold,
-    };
+    let above = |at: usize| ct.values[at] > args.threshold;
+    let kept = |at: usize| labels.get(at).is_none_or(|&l| keep.has(l));
+    if !(0..ct.values.len()).any(|at| kept(at) && above(at)) {
+        return Err(empty(args, path, &kept_labels));
+    }
+    // below the threshold a kept voxel is bone all the same
+    let wanted = |at: usize| kept(at) && (above(at) || !labels.is_empty());
     let region =
         VoxelBox::around(lattice, MARGIN, wanted).ok_or_else(|| empty(args, path, &kept_labels))?;
     let grid = Grid {

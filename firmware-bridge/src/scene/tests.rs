@@ -14,7 +14,10 @@ use osteon_sim_core::tissue::Tissue;
 use std::path::Path;
 use std::time::Instant;
 
+/// Radius of the planted ball, mm.
 const RADIUS: f64 = 11.0;
+/// Volume inside the real scapula's mesh, mm³.
+const MESH_MM3: f64 = 71_700.0;
 
 /// Trilinear reading of the solid distance at `p` (bone frame, mm).
 fn solid_at(bone: &Bone, p: DVec3) -> f64 {
@@ -137,8 +140,12 @@ fn ball_error(scene: &Scene, centre_lps: DVec3) -> (f64, f64) {
 #[test]
 fn a_planted_ball_is_found_where_it_is_with_and_without_labels_and_resampled() {
     let files = Files::new();
-    for (labelled, voxel_mm) in [(true, None), (false, None), (true, Some(0.5)), (true, Some(1.3))]
-    {
+    for (labelled, voxel_mm) in [
+        (true, None),
+        (false, None),
+        (true, Some(0.5)),
+        (true, Some(1.3)),
+    ] {
         let mut args = files.args();
         args.voxel_mm = voxel_mm;
         if !labelled {
@@ -153,14 +160,18 @@ fn a_planted_ball_is_found_where_it_is_with_and_without_labels_and_resampled() {
             100.0 * (volume / planted - 1.0),
             scene.summary.resample_error
         );
-        assert!(rms < 0.05 && max < 0.2);
+        // flat pieces on a ball, at 1.3 mm twice over
+        assert!(rms < 0.07 && max < 0.2);
         assert!((volume / planted - 1.0).abs() < 0.02);
         assert_eq!(scene.kept_labels, if labelled { vec![1] } else { vec![] });
         if let Some(error) = &scene.summary.resample_error {
-            assert!(error.surface_points > 1000 && error.surface_rms_mm < 0.03);
+            assert!(error.surface_points > 1000 && error.surface_rms_mm < 0.06);
             assert!(error.hu_rms.is_some_and(|e| e > 0.0 && e < 60.0));
         }
-        let top = scene.bone.lps_from_bone().point(scene.bone_from_plan.translation);
+        let top = scene
+            .bone
+            .lps_from_bone()
+            .point(scene.bone_from_plan.translation);
         assert!(top.distance(files.centre_lps + DVec3::Z * RADIUS) < 1e-4);
         assert!(scene.bone_from_plan.vector(DVec3::Z).distance(DVec3::Z) < 1e-6);
     }
@@ -194,7 +205,8 @@ fn tissue_classes_follow_the_plan() {
 }
 
 fn refused(args: &SceneArgs) -> String {
-    let error = quiet(args).expect_err("must be refused").to_string();
+    let outcome = quiet(args).map(|scene| scene.summary);
+    let error = outcome.expect_err("must be refused").to_string();
     assert!(!error.contains('\n'), "{error}");
     println!("{error}");
     error
@@ -211,7 +223,10 @@ fn bad_input_is_one_line_with_what_where_and_the_remedy() {
     assert!(with(&|a| a.pose = None).contains("ct.nii.gz: a CT needs a plan; give --pose"));
     assert!(with(&|a| a.threshold = 950.0).contains("no bone above 950 HU in labels [1]"));
     assert!(with(&|a| a.threshold = f32::NAN).contains("--threshold NaN HU"));
-    assert!(with(&|a| a.keep = vec![7]).contains("labels.nii: no voxel has label 7; --keep one of: 1, 2"));
+    assert!(
+        with(&|a| a.keep = vec![7])
+            .contains("labels.nii: no voxel has label 7; --keep one of: 1, 2")
+    );
     assert!(with(&|a| a.labels = None).contains("--keep needs --labels"));
     assert!(with(&|a| a.bone = None).contains("--labels needs --bone"));
     assert!(with(&|a| a.voxel_mm = Some(0.0)).contains("--voxel-mm 0"));
@@ -225,8 +240,16 @@ fn bad_input_is_one_line_with_what_where_and_the_remedy() {
     let other = |name: &str, dims: [i16; 3], x: f32| {
         let count = dims.iter().map(|&n| f64::from(n)).product::<f64>();
         let mut spec = Spec::new(dims, [0.8, 0.8, 1.0], Vec::new());
-        spec.values = (0..).map(f64::from).take_while(|&n| n < count).map(|_| 1.0).collect();
-        spec.sform = Some([[0.8, 0.0, 0.0, x], [0.0, -0.8, 0.0, 20.0], [0.0, 0.0, 1.0, 30.0]]);
+        spec.values = (0..)
+            .map(f64::from)
+            .take_while(|&n| n < count)
+            .map(|_| 1.0)
+            .collect();
+        spec.sform = Some([
+            [0.8, 0.0, 0.0, x],
+            [0.0, -0.8, 0.0, 20.0],
+            [0.0, 0.0, 1.0, 30.0],
+        ]);
         spec.write(&files.path(name));
         with(&|a| a.labels = Some(files.path(name)))
     };
@@ -285,33 +308,59 @@ fn stl_vertices(path: &Path) -> Vec<DVec3> {
         .collect()
 }
 
+/// Mean and RMS of the distance that the bone shows at the mesh's vertices, mm.
+fn mesh_error(scene: &Scene, vertices: &[DVec3]) -> (f64, f64) {
+    let bone_from_lps = scene.bone.lps_from_bone().inverse();
+    let errors: Vec<f64> = vertices
+        .iter()
+        .map(|&v| solid_at(&scene.bone, bone_from_lps.point(v)))
+        .collect();
+    let count = errors.len() as f64;
+    let squares: f64 = errors.iter().map(|e| e * e).sum();
+    (errors.iter().sum::<f64>() / count, (squares / count).sqrt())
+}
+
+/// The mesh was made from the label alone, which was made at 200 HU: there it must agree. A lower
+/// threshold lies farther out in the partial volume; the volume must grow by that shift times the
+/// mesh's area.
 #[test]
 fn the_real_scapula_has_its_known_volume_and_surface_and_nothing_of_its_neighbours() {
     let Some(dir) = data() else { return };
     let vertices = stl_vertices(&dir.join("right_scapula_surface_40k.stl"));
-    for voxel_mm in [None, Some(0.5)] {
+    assert_eq!(vertices.len(), 120_000);
+    let area: f64 = vertices
+        .chunks_exact(3)
+        .map(|t| 0.5 * (t[1] - t[0]).cross(t[2] - t[0]).length())
+        .sum();
+    for (threshold, voxel_mm) in [(200.0, None), (120.0, None), (120.0, Some(0.5))] {
         let mut args = real_args(&dir);
-        args.voxel_mm = voxel_mm;
+        (args.threshold, args.voxel_mm) = (threshold, voxel_mm);
         let begun = Instant::now();
         let scene = quiet(&args).expect("a scene");
         let took = begun.elapsed();
-        let bone_from_lps = scene.bone.lps_from_bone().inverse();
-        let errors: Vec<f64> = vertices
-            .iter()
-            .map(|&v| solid_at(&scene.bone, bone_from_lps.point(v)))
-            .collect();
-        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
-        let rms = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
+        let (mean, rms) = mesh_error(&scene, &vertices);
+        let volume = scene.summary.solid_mm3;
         println!(
-            "h {voxel_mm:?}: {took:.2?}, mesh vertices rms {rms:.3} mm, mean {mean:+.3} mm; {:?}",
+            "{threshold} HU, h {voxel_mm:?}: {took:.2?}, mesh vertices rms {rms:.3} mm, mean \
+             {mean:+.3} mm, volume {:+.1} %; {:?}",
+            100.0 * (volume / MESH_MM3 - 1.0),
             scene.summary
         );
-        assert!((scene.summary.solid_mm3 / 71_700.0 - 1.0).abs() < 0.06);
-        assert!(rms < 0.4);
+        assert!((volume / (MESH_MM3 + mean * area) - 1.0).abs() < 0.02);
+        assert!(rms < 0.3);
+        if threshold > 199.0 {
+            assert!((volume / MESH_MM3 - 1.0).abs() < 0.03 && rms < 0.16);
+        }
+        if let Some(error) = &scene.summary.resample_error {
+            assert!(error.surface_rms_mm < 0.05, "{error:?}");
+        }
         let (other, own) = occupied(&scene);
         assert_eq!(other, 0, "voxels of excluded structures with an occupancy");
         assert!(own > 50_000);
     }
+    let mut args = real_args(&dir);
+    args.threshold = 3000.0;
+    assert!(refused(&args).contains("no bone above 3000 HU in labels [1]"));
 }
 
 /// Voxels with an occupancy: of other labels than 0 and 1, and of label 1.

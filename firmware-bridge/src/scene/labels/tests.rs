@@ -11,7 +11,10 @@ struct Random(u64);
 
 impl Random {
     fn below(&mut self, n: u64) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
         (self.0 >> 33) % n
     }
 }
@@ -113,7 +116,10 @@ fn each_voxel_gets_what_the_rules_say() {
                     assert!(above < FLOOR_HU || (phi[at] - above).abs() < 1e-6);
                 }
                 0 if beside_kept(&solid, c) => {
-                    assert!((phi[at] - above).abs() < 1e-6 && labels[at] == 1, "seed {seed}");
+                    assert!(
+                        (phi[at] - above).abs() < 1e-6 && labels[at] == 1,
+                        "seed {seed}"
+                    );
                 }
                 0 => assert!(phi[at] < 0.0 && labels[at] == 0, "seed {seed}"),
                 other => assert!(phi[at] <= -CEILING_HU && labels[at] == other, "seed {seed}"),

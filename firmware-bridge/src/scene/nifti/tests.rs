@@ -54,8 +54,16 @@ impl Spec {
             self.put(&mut header, at, &v.to_le_bytes());
         }
         header[123] = self.units;
-        self.put(&mut header, 252, &i16::from(self.qform.is_some()).to_le_bytes());
-        self.put(&mut header, 254, &i16::from(self.sform.is_some()).to_le_bytes());
+        self.put(
+            &mut header,
+            252,
+            &i16::from(self.qform.is_some()).to_le_bytes(),
+        );
+        self.put(
+            &mut header,
+            254,
+            &i16::from(self.sform.is_some()).to_le_bytes(),
+        );
         for (n, v) in self.qform.iter().flatten().enumerate() {
             self.put(&mut header, 256 + 4 * n, &v.to_le_bytes());
         }
@@ -125,7 +133,11 @@ fn problem(bytes: &[u8]) -> String {
 }
 
 fn small() -> Spec {
-    Spec::new([4, 3, 2], [0.5, 0.75, 2.0], (0..24).map(f64::from).collect())
+    Spec::new(
+        [4, 3, 2],
+        [0.5, 0.75, 2.0],
+        (0..24).map(f64::from).collect(),
+    )
 }
 
 #[test]
@@ -212,7 +224,10 @@ fn every_voxel_keeps_its_place_in_the_patient_whatever_the_handedness() {
             let lps = DVec3::new(-ras.x, -ras.y, ras.z);
             #[expect(clippy::cast_precision_loss, reason = "small")]
             let value = ((k * 3 + j) * 4 + i) as f32;
-            assert!(lps_of(&volume, value).distance(lps) < 1e-5, "mirror {mirror}");
+            assert!(
+                lps_of(&volume, value).distance(lps) < 1e-5,
+                "mirror {mirror}"
+            );
         }
     }
 }
@@ -286,8 +301,13 @@ fn wrong_files_are_named_with_field_and_remedy() {
     let mut damaged = gzip(&good);
     damaged[30..60].fill(0xff);
     assert!(problem(&damaged).contains("gzip stream is damaged"));
-    let missing = read(Path::new("/nowhere/ct.nii")).expect_err("no file").to_string();
-    assert!(missing.starts_with("/nowhere/ct.nii: cannot be read"), "{missing}");
+    let missing = read(Path::new("/nowhere/ct.nii"))
+        .expect_err("no file")
+        .to_string();
+    assert!(
+        missing.starts_with("/nowhere/ct.nii: cannot be read"),
+        "{missing}"
+    );
 }
 
 #[test]
@@ -297,9 +317,17 @@ fn wrong_fields_are_named_with_their_value() {
         change(&mut spec);
         problem(&spec.bytes())
     };
-    for (code, name) in [(32, "complex"), (128, "RGB"), (1, "1-bit"), (999, "unknown")] {
+    for (code, name) in [
+        (32, "complex"),
+        (128, "RGB"),
+        (1, "1-bit"),
+        (999, "unknown"),
+    ] {
         let text = with(&|s| s.datatype = code);
-        assert!(text.contains(&format!("datatype = {code} ({name})")), "{text}");
+        assert!(
+            text.contains(&format!("datatype = {code} ({name})")),
+            "{text}"
+        );
     }
     for bad in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-5, 50.0] {
         assert!(with(&|s| s.pixdim[2] = bad).contains("pixdim[2]"));
@@ -334,5 +362,8 @@ fn wrong_fields_are_named_with_their_value() {
 fn a_fourth_axis_of_length_one_is_a_volume() {
     let mut spec = small();
     spec.dim[0] = 4;
-    assert_eq!(read_bytes(&spec.bytes()).expect("readable").values.len(), 24);
+    assert_eq!(
+        read_bytes(&spec.bytes()).expect("readable").values.len(),
+        24
+    );
 }

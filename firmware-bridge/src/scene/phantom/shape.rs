@@ -106,9 +106,10 @@ impl Group<Plate> {
 
 /// The box around balls of (centre, radius).
 fn bounds(balls: impl Iterator<Item = (DVec3, f64)>) -> (DVec3, DVec3) {
-    balls.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), (c, r)| {
-        (lo.min(c - r), hi.max(c + r))
-    })
+    balls.fold(
+        (DVec3::INFINITY, DVec3::NEG_INFINITY),
+        |(lo, hi), (c, r)| (lo.min(c - r), hi.max(c + r)),
+    )
 }
 
 /// Beams along a smooth curve (centripetal enough: Catmull–Rom) through points (x, y, z, radius).
@@ -282,7 +283,8 @@ fn neck(p: DVec3) -> f64 {
     let cone = Beam {
         from: DVec3::new(-1.0, 1.0, -12.0),
         to: DVec3::new(-8.0, 0.0, -50.0),
-        radius: [9.5, 1.5],
+        // below zero: the tip fades out inside the blade
+        radius: [9.5, -2.5],
     };
     cone.value(flat) * 0.87
 }
