@@ -1,4 +1,8 @@
 //! The immutable bone: density, solid distance, tissue class and structure label in 32³ chunks.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "chunk coordinates are below 4096 / 32, chunk counts below 2^32; f64 spacings become f32"
+)]
 
 use crate::grid::{
     BRICK_VOXELS, BRICKS_PER_CHUNK, CHUNK, CHUNK_VOXELS, Grid, brick_origin, voxel_in_chunk,
@@ -358,17 +362,17 @@ impl Occupancy {
     }
 
     /// Units of a full voxel.
-    pub fn full(&self) -> i64 {
+    pub fn full(self) -> i64 {
         2 * i64::from(self.half_window)
     }
 
     /// Units in `0..=full()` of a voxel whose stored distance is `d`.
-    pub fn units(&self, d: i16) -> i64 {
+    pub fn units(self, d: i16) -> i64 {
         i64::from(d.clamp(-self.half_window, self.half_window)) + i64::from(self.half_window)
     }
 
     /// Volume of `units`, mm³.
-    pub fn mm3(&self, grid: &Grid, units: i64) -> f64 {
+    pub fn mm3(self, grid: &Grid, units: i64) -> f64 {
         units as f64 * (grid.voxel_mm3() / self.full() as f64)
     }
 }

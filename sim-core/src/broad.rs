@@ -1,4 +1,9 @@
 //! Broad phase: oriented boxes by the separating-axis test, and the range of chunks in reach.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to the lattice before the cast"
+)]
 
 use crate::bone::Bone;
 use crate::grid::CHUNK;

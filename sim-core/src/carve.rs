@@ -3,6 +3,12 @@
 //!
 //! Culling by Lipschitz bounds at two levels (8³ bricks, 4³ cells). The order of work is a function
 //! of the arguments alone, so servo, publisher and replay get the same bits.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "voxel indices are below 4096; distances are clamped before the cast; f64 becomes f32 inside a tool"
+)]
 
 use crate::bone::{Bone, Occupancy, cell_origin};
 use crate::broad::{Obb, chunk_range};
@@ -21,9 +27,9 @@ pub const MAX_STAMPS: u32 = 16;
 pub struct CarveStep {
     /// Index of the tool.
     pub tool: u8,
-    /// bone_from_tool at the beginning.
+    /// `bone_from_tool` at the beginning.
     pub before: Pose,
-    /// bone_from_tool at the end.
+    /// `bone_from_tool` at the end.
     pub after: Pose,
 }
 

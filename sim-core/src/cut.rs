@@ -2,6 +2,10 @@
 //!
 //! Lazily given to touched chunks out of a pool made at load, so that the servo thread allocates
 //! nothing. `cut = min(cut, sd_tool)`: idempotent, free of order, monotone within an epoch.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "a pool has fewer than 2^32 chunks"
+)]
 
 use crate::bone::{Bone, Occupancy};
 use crate::grid::{BRICK_VOXELS, BRICKS_PER_CHUNK, CHUNK_VOXELS, Grid};

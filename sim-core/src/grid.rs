@@ -2,6 +2,10 @@
 //!
 //! Bone frame: millimetres, right-handed, axes along the lattice, origin at the centre of voxel
 //! (0, 0, 0); the centre of voxel (i, j, k) lies at (i·hx, j·hy, k·hz).
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "clamped before the cast; f64 spacings become f32"
+)]
 
 use glam::DVec3;
 

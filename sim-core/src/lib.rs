@@ -22,6 +22,7 @@ pub mod pose;
 pub mod register;
 pub mod sample;
 pub mod servo;
+pub mod servo_io;
 pub mod solid;
 pub mod tissue;
 pub mod tool;

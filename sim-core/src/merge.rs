@@ -1,4 +1,5 @@
 //! Taking over cut values from another holder of the same cut.
+#![expect(clippy::cast_possible_wrap, reason = "voxel indices are below 4096")]
 
 use crate::bone::{Bone, Occupancy};
 use crate::cut::{Cut, MAX_TOOLS};

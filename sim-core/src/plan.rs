@@ -1,4 +1,9 @@
 //! Questions about a planned axis.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a search of at most a few thousand steps"
+)]
 
 use crate::bone::Bone;
 use crate::cut::Cut;

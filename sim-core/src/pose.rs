@@ -49,6 +49,7 @@ impl Pose {
     }
 
     /// `a_from_c` for `self = a_from_b`.
+    #[must_use]
     pub fn then(&self, b_from_c: &Self) -> Self {
         Self::new(
             self.rotation * b_from_c.rotation,
@@ -57,6 +58,7 @@ impl Pose {
     }
 
     /// `b_from_a` for `self = a_from_b`.
+    #[must_use]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
         Self::new(rotation, -(rotation * self.translation))
@@ -70,6 +72,7 @@ impl Pose {
     }
 
     /// Translation interpolated linearly, rotation by slerp, `t` in [0, 1].
+    #[must_use]
     pub fn interpolate(&self, to: &Self, t: f64) -> Self {
         Self::new(
             self.rotation.slerp(to.rotation, t),

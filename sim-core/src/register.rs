@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec3};
 /// workspace, mm.
 pub const WORKSPACE_CENTRE_MM: DVec3 = DVec3::new(0.0, 0.0, 0.0);
 
-/// bone_from_base for a plan: the workspace's centre lies on the plan's origin, the base's z (towards
+/// `bone_from_base` for a plan: the workspace's centre lies on the plan's origin, the base's z (towards
 /// the user) on the plan's z (out of the glenoid), and the patient's head as far up as that allows.
 ///
 /// `bone_from_plan`: origin at the glenoid's centre, z outward. `lps_from_bone`: bone to DICOM LPS,

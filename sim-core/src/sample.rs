@@ -1,4 +1,10 @@
 //! Trilinear reading of the bone's fields at a point.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "indices are checked against the lattice, whose edges are below 4096, before each cast"
+)]
 
 use crate::bone::Bone;
 use crate::cut::{Cut, UNCUT};
@@ -33,7 +39,7 @@ struct Cell {
 fn cell(bone: &Bone, p_in_bone: DVec3) -> Option<Cell> {
     let index = p_in_bone / bone.grid().spacing_mm;
     // far outside, or NaN: no corner to read
-    if !(index.abs().max_element() < 1e6) {
+    if index.is_nan() || index.abs().max_element() >= 1e6 {
         return None;
     }
     let floor = index.floor();

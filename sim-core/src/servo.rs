@@ -1,6 +1,6 @@
 //! The servo step: one pure function of state, raw device sample and requests.
 //!
-//! counts → joint angles → base_from_stylus → bone_from_device → contact and cutting → carve → force
+//! counts → joint angles → `base_from_stylus` → `bone_from_device` → contact and cutting → carve → force
 //! → output chain → Jᵀ → DAC counts.
 //!
 //! [`Servo::tick`] allocates nothing and its loops are bounded: at most [`MAX_SUBSTEPS`] proxy steps
@@ -11,11 +11,11 @@ use crate::bone::Bone;
 use crate::broad::Obb;
 use crate::carve::{CarveStep, carve};
 use crate::chain::{GAP_RAMP_TICKS, GuardCounts, OutputChain, ZERO_TICKS};
-use crate::contact::{ContactConfig, Contacts, ToolState, YIELD_EPS_MM, coupling_force};
+use crate::contact::{Contacts, ToolState, YIELD_EPS_MM, coupling_force};
 use crate::cut::{Cut, MAX_TOOLS};
 use crate::omni;
 use crate::pose::Pose;
-use crate::tool::Tool;
+pub use crate::servo_io::{DeviceScale, Request, Sample, ServoSetup, TickOutput, button};
 use core::f64::consts::TAU;
 use glam::DVec3;
 use std::sync::Arc;
@@ -40,111 +40,6 @@ const GATE_HEIGHT_MM: f64 = 4.0;
 /// Ticks that a button is deaf after an edge (contact bounce).
 const BUTTON_DEAF_TICKS: u32 = 30;
 
-/// Bits of [`Sample::buttons`].
-pub mod button {
-    /// Toggles the spindle.
-    pub const SPINDLE: u8 = 1;
-    /// Takes the next tool.
-    pub const NEXT_TOOL: u8 = 2;
-}
-
-/// What the numbers of the device mean, from its hello message.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DeviceScale {
-    /// Encoder counts per joint revolution.
-    pub counts_per_rev: u32,
-    /// Gimbal counts per revolution.
-    pub gimbal_counts_per_rev: u16,
-    /// Largest torque command, DAC counts.
-    pub dac_max: i16,
-    /// Joint torque of one DAC count, N·mm.
-    pub nmm_per_count: f64,
-}
-
-/// One raw device sample.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sample {
-    /// Device clock, µs, wraps.
-    pub time_micros: u32,
-    /// Joint encoder counts from the dock.
-    pub encoders: [i32; 3],
-    /// Gimbal counts.
-    pub gimbal: [i16; 3],
-    /// [`button`] bits that are pressed.
-    pub buttons: u8,
-    /// Whether the drive applies torque (active or holding).
-    pub drive_active: bool,
-    /// Whether the stylus rests in its dock.
-    pub docked: bool,
-}
-
-/// What a person may ask for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Request {
-    /// Take a tool; an index beyond the set is ignored.
-    SelectTool(u8),
-    /// Spindle on or off.
-    Spindle(bool),
-    /// Pause or go on.
-    Pause(bool),
-    /// Back to the uncut bone.
-    Reset,
-}
-
-/// What one tick made.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TickOutput {
-    /// Joint torques for the device, DAC counts.
-    pub torque: [i16; 3],
-    /// Gimbal centre in the base frame, mm, from this tick's sample (or the last one).
-    pub stylus_in_base: DVec3,
-    /// Where the hand holds the tool.
-    pub bone_from_device: Pose,
-    /// Where the tool is shown and cuts.
-    pub bone_from_tool: Pose,
-    /// Force on the hand, bone frame, N.
-    pub force_n: DVec3,
-    /// Index of the tool in hand.
-    pub tool: u8,
-    /// Whether the spindle is switched on.
-    pub spindle_on: bool,
-    /// Whether the session is paused.
-    pub paused: bool,
-    /// The tool appeared inside bone: no force until it is pulled free.
-    pub embedded: bool,
-    /// The tool has not yet come in front of the joint since it left the dock: no contact.
-    pub waiting: bool,
-    /// Whether this tick had a fresh, plausible sample.
-    pub fresh: bool,
-    /// Counts resets.
-    pub epoch: u32,
-    /// Carved steps, in order; the first `carved_len` count.
-    pub carved: [CarveStep; MAX_SUBSTEPS],
-    /// Number of carved steps.
-    pub carved_len: usize,
-    /// Occupancy units removed since the reset, by tissue class, after this tick.
-    pub removed_by_class: [i64; crate::tissue::TISSUES],
-}
-
-/// What a servo is made from.
-#[derive(Debug, Clone)]
-pub struct ServoSetup {
-    /// The bone.
-    pub bone: Arc<Bone>,
-    /// Tools, at most [`MAX_TOOLS`]; at least one.
-    pub tools: Vec<Tool>,
-    /// Registration ([`crate::register::bone_from_base`]).
-    pub bone_from_base: Pose,
-    /// The plan: origin at the glenoid's centre, z outward.
-    pub bone_from_plan: Pose,
-    /// Meaning of the device's numbers.
-    pub device: DeviceScale,
-    /// Force limit asked for by the user, N.
-    pub force_limit_n: f64,
-    /// Coupling and cutting law.
-    pub contact: ContactConfig,
-}
-
 /// A past, plausible position.
 #[derive(Debug, Clone, Copy)]
 struct Track {
@@ -155,6 +50,10 @@ struct Track {
 
 /// The state of the servo.
 #[derive(Debug, Clone)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "independent facts about the session"
+)]
 pub struct Servo {
     setup: ServoSetup,
     cut: Cut,
@@ -229,19 +128,16 @@ impl Servo {
         }
         let mut output = self.blank_output();
         let accepted = sample.and_then(|s| self.accept(s).map(|v| (s, v)));
-        let force_in_base = match accepted {
-            Some((sample, velocity)) => {
-                self.missing = 0;
-                self.press_buttons(sample.buttons);
-                self.spin();
-                self.pass_gate(sample.docked);
-                let spring = self.interact(&mut output);
-                self.emit(spring, velocity, sample.drive_active)
-            }
-            None => {
-                self.missing = self.missing.saturating_add(1);
-                self.chain.hold(self.missing)
-            }
+        let force_in_base = if let Some((sample, velocity)) = accepted {
+            self.missing = 0;
+            self.press_buttons(sample.buttons);
+            self.spin();
+            self.pass_gate(sample.docked);
+            let spring = self.interact(&mut output);
+            self.emit(spring, velocity, sample.drive_active)
+        } else {
+            self.missing = self.missing.saturating_add(1);
+            self.chain.hold(self.missing)
         };
         output.fresh = accepted.is_some();
         self.finish(output, force_in_base)
@@ -335,8 +231,9 @@ impl Servo {
             if bit == button::SPINDLE {
                 self.spindle_on = !self.spindle_on;
             } else {
-                let next = (usize::from(self.tool) + 1) % self.setup.tools.len();
-                self.request(Request::SelectTool(next as u8));
+                let next = self.tool + 1;
+                let known = usize::from(next) < self.setup.tools.len();
+                self.request(Request::SelectTool(if known { next } else { 0 }));
             }
         }
     }
@@ -551,7 +448,8 @@ impl Servo {
         let largest = torque.abs().max_element();
         let most = f64::from(device.dac_max);
         let scale = if largest > most { most / largest } else { 1.0 };
-        // |value| ≤ dac_max: the cast cannot wrap
-        (torque * scale).round().to_array().map(|v| v as i16)
+        #[expect(clippy::cast_possible_truncation, reason = "|value| ≤ dac_max")]
+        let counts = (torque * scale).round().to_array().map(|v| v as i16);
+        counts
     }
 }

@@ -80,9 +80,9 @@ const GOLDEN_ANGLE: f32 = 2.399_963_2;
 impl Shape {
     /// Signed distance of a point in the tool frame to the head's surface, mm: exact, negative
     /// inside. A NaN gives a NaN.
-    pub fn signed_distance(&self, p: Vec3) -> f32 {
+    pub fn signed_distance(self, p: Vec3) -> f32 {
         let r = (p.x * p.x + p.y * p.y).sqrt();
-        match *self {
+        match self {
             Self::Dome {
                 radius_mm,
                 face_radius_mm,
@@ -98,11 +98,11 @@ impl Shape {
 
     /// [`Self::signed_distance`] of four points in a row, `first + n·step`: the same bits as one by
     /// one.
-    pub fn signed_distance_row(&self, first: Vec3, step: Vec3) -> [f32; 4] {
+    pub fn signed_distance_row(self, first: Vec3, step: Vec3) -> [f32; 4] {
         let points = [0.0f32, 1.0, 2.0, 3.0].map(|n| first + step * n);
         let radii = points.map(|p| (p.x * p.x + p.y * p.y).sqrt());
         let heights = points.map(|p| p.z);
-        match *self {
+        match self {
             Self::Dome {
                 radius_mm,
                 face_radius_mm,
@@ -123,8 +123,8 @@ impl Shape {
     }
 
     /// Box around the head, tool frame, mm.
-    pub fn bounds(&self) -> ToolBox {
-        let (radius, height) = match *self {
+    pub fn bounds(self) -> ToolBox {
+        let (radius, height) = match self {
             Self::Dome {
                 radius_mm,
                 height_mm,
@@ -145,8 +145,8 @@ impl Shape {
 
     /// Outline as (r, z) points in mm from the apex upwards, at most 64: what a viewer turns on a
     /// lathe.
-    pub fn outline(&self) -> Vec<[f32; 2]> {
-        match *self {
+    pub fn outline(self) -> Vec<[f32; 2]> {
+        match self {
             Self::Dome {
                 radius_mm,
                 face_radius_mm,
@@ -354,7 +354,7 @@ mod tests {
     use super::*;
 
     /// Nearest of many points on the outline: an oracle that knows nothing of cases.
-    fn brute_distance(shape: &Shape, r: f32, z: f32) -> f32 {
+    fn brute_distance(shape: Shape, r: f32, z: f32) -> f32 {
         let outline = shape.outline();
         let mut best = f32::MAX;
         for pair in outline.windows(2) {
@@ -362,7 +362,7 @@ mod tests {
                 let t = f32::from(i) / 2000.0;
                 let pr = pair[0][0] + t * (pair[1][0] - pair[0][0]);
                 let mut pz = pair[0][1] + t * (pair[1][1] - pair[0][1]);
-                if let Shape::Dome { face_radius_mm, .. } = *shape
+                if let Shape::Dome { face_radius_mm, .. } = shape
                     && pair[1][1] <= 6.01
                 {
                     pz = face_radius_mm - (face_radius_mm * face_radius_mm - pr * pr).sqrt();
@@ -380,7 +380,7 @@ mod tests {
                 for j in 0..50i16 {
                     let (r, z) = (f32::from(j) * 0.61, f32::from(i) * 0.83);
                     let d = tool.shape.signed_distance(Vec3::new(0.6 * r, 0.8 * r, z));
-                    let oracle = brute_distance(&tool.shape, r, z);
+                    let oracle = brute_distance(tool.shape, r, z);
                     assert!(
                         (d.abs() - oracle).abs() < 0.01,
                         "{} {r} {z} {d} {oracle}",

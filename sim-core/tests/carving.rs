@@ -1,5 +1,12 @@
 //! Carving against closed forms and against a brute-force scan.
 
+#![expect(
+    clippy::print_stdout,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a test that shows its figures"
+)]
+
 mod common;
 
 use common::{bone_of, slab};

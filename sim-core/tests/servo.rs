@@ -1,5 +1,7 @@
 //! The whole servo tick on a virtual clock.
 
+#![expect(clippy::print_stdout, reason = "a test that shows its figures")]
+
 mod common;
 
 use common::{Rig, bone_of, slab};
@@ -89,7 +91,7 @@ fn a_thin_plate_is_not_crossed() {
 }
 
 /// Force at the stylus, N, of the drill fed at `v` mm/s into bone of density `rho`: the integral of
-/// the law over the cone, with n_z = sin 59°.
+/// the law over the cone, with `n_z` = sin 59°.
 fn drill_force(rho: f64, v: f64) -> f64 {
     let tool = Tool::peg_drill();
     let omega = tool.rpm * std::f64::consts::TAU / 60.0;

@@ -1,5 +1,9 @@
 //! One viewer's connection, never waited for: at most one batch is in flight, and while it has not
 //! gone out nothing more is made.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "a bone has fewer than 2^32 chunks"
+)]
 
 use super::dirty::DirtySet;
 use super::mirror::Mirror;
@@ -301,7 +305,9 @@ impl Client {
             self.fill_bricks(news.mirror)?;
         }
         if let Some(health) = news.health
-            && self.last_health.is_none_or(|at| at.elapsed() >= HEALTH_PERIOD)
+            && self
+                .last_health
+                .is_none_or(|at| at.elapsed() >= HEALTH_PERIOD)
         {
             self.last_health = Some(Instant::now());
             encode_into(&ToViewer::Health(Box::new(health.clone())), &mut self.out)?;

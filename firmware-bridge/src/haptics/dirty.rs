@@ -1,5 +1,9 @@
 //! Which bricks a viewer has not seen in their newest state: one bit a brick, so bounded by the bone
 //! whatever the viewer does.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "a bone has fewer than 2^32 chunks, a chunk 64 bricks"
+)]
 
 use osteon_protocol::ipc::MAX_BRICKS;
 

@@ -44,7 +44,7 @@ pub struct HapticsArgs {
     /// Write the session report as JSON
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Write the gimbal centre of every tick (CSV: tick,state_seq,x_mm,y_mm,z_mm in the base frame)
+    /// Write the gimbal centre of every tick (CSV with tick, state number and x, y, z in mm, base frame)
     #[arg(long, value_name = "FILE")]
     pub pose_log: Option<PathBuf>,
     /// End with the process that started this one

@@ -1,5 +1,9 @@
 //! The publisher: drains the servo's ring into its mirror and serves the viewers. It runs in the
 //! main thread, and nothing in it can reach the servo but accepted requests.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "f64 becomes f32 for the screen"
+)]
 
 use super::client::{Client, News};
 use super::mirror::Mirror;
@@ -228,7 +232,10 @@ fn forward(command: Command, requests: &mut Producer<Request>) -> bool {
     false
 }
 
-#[expect(clippy::print_stderr, reason = "warnings of a command-line program go to stderr")]
+#[expect(
+    clippy::print_stderr,
+    reason = "warnings of a command-line program go to stderr"
+)]
 pub(crate) fn warn(text: &str) {
     eprintln!("haptics: {text}");
 }

@@ -2,6 +2,10 @@
 //!
 //! The cut is a minimum, so copies and carved records may mix in any order: the mirror takes the
 //! smaller value of both.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "a bone has fewer than 2^32 chunks, a chunk 64 bricks"
+)]
 
 use super::record::{BrickCopy, COPY_VALUES, Record};
 use osteon_sim_core::bone::Bone;
@@ -146,7 +150,8 @@ impl Resync {
                 tool,
                 values: [0; COPY_VALUES],
             };
-            copy.values.copy_from_slice(&values[from..from + COPY_VALUES]);
+            copy.values
+                .copy_from_slice(&values[from..from + COPY_VALUES]);
             if records.push(Record::Brick(copy)).is_err() {
                 return false;
             }

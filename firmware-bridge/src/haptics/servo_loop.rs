@@ -72,7 +72,9 @@ pub(crate) fn run(mut thread: ServoThread, stop: &AtomicBool) -> Finished {
         last_state_ns: now_ns(),
         sent_ns: [0; 256],
     };
-    let outcome = catch_unwind(AssertUnwindSafe(|| beat_until(&mut thread, &mut beat, stop)));
+    let outcome = catch_unwind(AssertUnwindSafe(|| {
+        beat_until(&mut thread, &mut beat, stop)
+    }));
     let ending = match outcome {
         Ok(ending) => ending,
         Err(payload) => Ending::Panicked(panic_message(payload.as_ref())),
@@ -85,7 +87,7 @@ pub(crate) fn run(mut thread: ServoThread, stop: &AtomicBool) -> Finished {
     }
 }
 
-fn panic_message(payload: &(dyn std::any::Any + Send)) -> String {
+pub(crate) fn panic_message(payload: &(dyn std::any::Any + Send)) -> String {
     payload
         .downcast_ref::<&str>()
         .map(ToString::to_string)
@@ -166,7 +168,7 @@ fn one_beat(
         wake_ns: started.saturating_sub(deadline),
         duration_ns: 0,
         roundtrip_ns,
-        skipped: (started.saturating_sub(deadline) / PERIOD_NS) as u32,
+        skipped: u32::try_from(started.saturating_sub(deadline) / PERIOD_NS).unwrap_or(u32::MAX),
         state_seq: fresh.filter(|_| output.fresh).map(|s| s.seq),
         stylus_in_base: output.stylus_in_base,
         bone_from_device: output.bone_from_device,
@@ -193,7 +195,10 @@ fn one_beat(
     Ok(())
 }
 
-#[expect(clippy::panic, reason = "asked for on the command line, to prove that the motors stop")]
+#[expect(
+    clippy::panic,
+    reason = "asked for on the command line, to prove that the motors stop"
+)]
 fn induced_panic() {
     panic!("induced by --panic-at-tick");
 }
@@ -246,7 +251,12 @@ fn publish(
     let (records, resync, servo) = (&mut thread.records, &mut thread.resync, &thread.servo);
     if output.epoch != epoch_before {
         resync.forget();
-        if records.push(Record::Reset { epoch: output.epoch }).is_err() {
+        if records
+            .push(Record::Reset {
+                epoch: output.epoch,
+            })
+            .is_err()
+        {
             resync.owe_reset();
         }
     }

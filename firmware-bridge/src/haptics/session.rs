@@ -1,4 +1,8 @@
 //! One session from the first option to the last digest.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "grid edges are at most 4096"
+)]
 
 use super::client::ViewerReport;
 use super::mirror::Mirror;
@@ -52,9 +56,11 @@ pub(crate) fn run(args: &HapticsArgs) -> anyhow::Result<()> {
     progress.finish();
     let socket_path = args.socket.clone().unwrap_or_else(default_socket);
     let listener = socket::listen(&socket_path)?;
-    let result = with_listener(args, &stop, &tools, scene, listener);
-    // a left-over socket is harmless: the next session replaces it
-    if let Err(e) = std::fs::remove_file(&socket_path) {
+    let result = with_listener(args, &stop, &tools, &scene, listener);
+    // the listener takes its socket away itself; one that is left over is replaced by the next session
+    if let Err(e) = std::fs::remove_file(&socket_path)
+        && e.kind() != std::io::ErrorKind::NotFound
+    {
         warn(&format!("socket {}: {e}", socket_path.display()));
     }
     result
@@ -64,7 +70,7 @@ fn with_listener(
     args: &HapticsArgs,
     stop: &Arc<AtomicBool>,
     tools: &[Tool],
-    scene: Scene,
+    scene: &Scene,
     listener: interprocess::local_socket::Listener,
 ) -> anyhow::Result<()> {
     let pose_log = pose_log(args)?;
@@ -73,14 +79,14 @@ fn with_listener(
     let (record_in, record_out) = rtrb::RingBuffer::new(RING_RECORDS);
     let (request_in, request_out) = rtrb::RingBuffer::new(64);
     let contact = ContactConfig::default();
-    let servo = make_servo(args, &scene, tools, link.as_ref(), contact)?;
+    let servo = make_servo(args, scene, tools, link.as_ref(), contact)?;
     let mut publisher = Publisher {
         mirror: Mirror::new(Arc::clone(&scene.bone), tools.to_vec()),
         stats: Stats::new(),
         records: record_out,
         requests: request_in,
         listener,
-        scene: Arc::new(wire_scene(&scene, tools, args.force_limit)),
+        scene: Arc::new(wire_scene(scene, tools, args.force_limit)),
         plan_from_bone: scene.bone_from_plan.inverse(),
         force_scale: contact.force_scale,
         link_name: link_name.clone(),
@@ -103,7 +109,7 @@ fn with_listener(
         scene.bone.chunk_count()
     ));
     serve_until_end(args, stop, &mut publisher, &running);
-    finish(args, tools, &scene, publisher, running)
+    finish(args, tools, scene, publisher, running)
 }
 
 fn signals() -> anyhow::Result<Arc<AtomicBool>> {
@@ -233,7 +239,10 @@ fn serve_until_end(
     publisher: &mut Publisher,
     running: &Running,
 ) {
-    let over = |began: Instant| args.seconds.is_some_and(|s| began.elapsed().as_secs_f64() >= s);
+    let over = |began: Instant| {
+        args.seconds
+            .is_some_and(|s| began.elapsed().as_secs_f64() >= s)
+    };
     while !stop.load(Ordering::Relaxed) && !over(running.began) && !running.thread.is_finished() {
         if publisher.visit(None) {
             break;
@@ -251,10 +260,10 @@ fn finish(
     running: Running,
 ) -> anyhow::Result<()> {
     running.stop.store(true, Ordering::Relaxed);
-    let finished = running
-        .thread
-        .join()
-        .map_err(|_| anyhow!("the servo thread could not be joined; motors are stopped by the device's watchdog"))?;
+    let finished = running.thread.join().map_err(|payload| {
+        let message = servo_loop::panic_message(payload.as_ref());
+        anyhow!("the servo thread died ({message}); the device's watchdog stops the motors")
+    })?;
     let seconds = running.began.elapsed().as_secs_f64();
     while !publisher.records.is_empty() {
         publisher.drain();
@@ -280,9 +289,7 @@ fn finish(
         viewer,
         seconds,
         realtime_refused: running.refused,
-        ended: failure
-            .clone()
-            .unwrap_or_else(|| "as asked".to_owned()),
+        ended: failure.clone().unwrap_or_else(|| "as asked".to_owned()),
     });
     goodbye(&mut publisher, &report.ended);
     if let Some(path) = &args.json {
@@ -292,7 +299,10 @@ fn finish(
     match failure {
         Some(reason) => Err(anyhow!("{reason}")),
         None if !report.digests_agree() => {
-            bail!("the digests differ: {:?}; the viewers' bone is not the servo's", report.digest)
+            bail!(
+                "the digests differ: {:?}; the viewers' bone is not the servo's",
+                report.digest
+            )
         }
         None => Ok(()),
     }
@@ -335,7 +345,10 @@ fn goodbye(publisher: &mut Publisher, reason: &str) {
     }
 }
 
-#[expect(clippy::print_stdout, reason = "the one line that says that the session runs")]
+#[expect(
+    clippy::print_stdout,
+    reason = "the one line that says that the session runs"
+)]
 fn say(text: &str) {
     println!("{text}");
 }

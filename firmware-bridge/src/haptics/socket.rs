@@ -80,7 +80,9 @@ pub(crate) fn accept(listener: &Listener) -> Option<anyhow::Result<Stream>> {
 }
 
 fn own(stream: Stream) -> anyhow::Result<Stream> {
-    let credentials = stream.peer_creds().context("viewer connection: cannot see whose it is")?;
+    let credentials = stream
+        .peer_creds()
+        .context("viewer connection: cannot see whose it is")?;
     match credentials.euid() {
         Some(uid) if uid == geteuid().as_raw() => Ok(stream),
         Some(uid) => bail!("viewer connection of user {uid} refused: not yours"),

@@ -125,6 +125,10 @@ impl Stats {
 
     /// The message for viewers.
     pub(crate) fn health(&self, link: &str) -> Health {
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "microseconds for the screen"
+        )]
         let four = |l: &Latency| {
             let q = l.quantiles();
             [q.p50, q.p99, q.p999, q.max].map(|v| v as f32)
@@ -193,7 +197,12 @@ mod tests {
             latency.record(n * 1000);
         }
         let q = latency.quantiles();
-        for (got, truth) in [(q.p50, 500.0), (q.p99, 990.0), (q.p999, 999.0), (q.max, 1000.0)] {
+        for (got, truth) in [
+            (q.p50, 500.0),
+            (q.p99, 990.0),
+            (q.p999, 999.0),
+            (q.max, 1000.0),
+        ] {
             assert!((got / truth - 1.0).abs() < 2e-3, "{got} {truth}");
         }
         assert_eq!(Latency::new().quantiles(), Quantiles::default());

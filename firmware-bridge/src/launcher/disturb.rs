@@ -67,7 +67,9 @@ mod tests {
 
     #[test]
     fn nonsense_is_named() {
-        for text in ["", "stop", "stop@5", "kill@x", "burn@3", "kill@-1", "kill@NaN"] {
+        for text in [
+            "", "stop", "stop@5", "kill@x", "burn@3", "kill@-1", "kill@NaN",
+        ] {
             let error = parse(text).expect_err(text);
             assert!(error.contains("kill@SECOND"), "{error}");
         }

@@ -54,5 +54,5 @@ pub struct Screen {
 
 /// Runs the demonstration. `screen` is asked only where a window is wanted.
 pub fn run(args: &DemoArgs, screen: impl FnOnce() -> Screen) -> anyhow::Result<()> {
-    supervise::run(args, screen())
+    supervise::run(args, &screen())
 }

@@ -53,81 +53,96 @@ fn join(report: &mut Value, files: &Files, viewer: Option<&ExitStatus>) -> anyho
     Ok(())
 }
 
-/// The report for people.
-fn text(report: &Value, args: &DemoArgs) -> String {
-    let number = |path: &str, digits: usize| {
-        report
+/// Reads figures out of the joined report, for people: `-` where one is missing.
+struct Figures<'a>(&'a Value);
+
+impl Figures<'_> {
+    fn number(&self, path: &str, digits: usize) -> String {
+        self.0
             .pointer(path)
             .and_then(Value::as_f64)
             .map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}"))
-    };
-    let quantiles = |path: &str| {
+    }
+
+    fn quantiles(&self, path: &str) -> String {
         ["p50", "p99", "p999", "max"]
-            .map(|q| number(&format!("{path}/{q}"), 0))
+            .map(|q| self.number(&format!("{path}/{q}"), 0))
             .join(" / ")
-    };
-    let word = |path: &str| {
-        report
-            .pointer(path)
-            .and_then(Value::as_str)
-            .unwrap_or("-")
-            .to_owned()
-    };
-    let mut lines = vec![
-        "Osteon session report".to_owned(),
-        format!("  bone        {}", word("/bone/source")),
+    }
+
+    fn word(&self, path: &str) -> &str {
+        self.0.pointer(path).and_then(Value::as_str).unwrap_or("-")
+    }
+
+    fn bone(&self) -> String {
         format!(
-            "              {} mm3 solid, {} of {} chunks, voxels {}",
-            number("/bone/solid_mm3", 0),
-            number("/bone/chunks_active", 0),
-            number("/bone/chunks_total", 0),
-            report["bone"]["spacing_mm"]
-        ),
+            "  bone        {}\n              {} mm3 solid, {} of {} chunks, voxels {} mm\n  \
+             removed     {} mm3: peg drill {}, reamer {}; centroid {} mm off the planned axis\n  \
+             force       peak {} N at the stylus",
+            self.word("/bone/source"),
+            self.number("/bone/solid_mm3", 0),
+            self.number("/bone/chunks_active", 0),
+            self.number("/bone/chunks_total", 0),
+            self.0["bone"]["spacing_mm"],
+            self.number("/removed_mm3", 1),
+            self.number("/removed_by_tool_mm3/peg_drill", 1),
+            self.number("/removed_by_tool_mm3/reamer", 1),
+            self.number("/removed_centroid_off_axis_mm", 2),
+            self.number("/peak_force_n", 2)
+        )
+    }
+
+    fn servo(&self) -> String {
         format!(
-            "  removed     {} mm3: peg drill {}, reamer {}; centroid {} mm off the planned axis",
-            number("/removed_mm3", 1),
-            number("/removed_by_tool_mm3/peg_drill", 1),
-            number("/removed_by_tool_mm3/reamer", 1),
-            number("/removed_centroid_off_axis_mm", 2)
-        ),
-        format!(
-            "  force       peak {} N at the stylus",
-            number("/peak_force_n", 2)
-        ),
-        format!(
-            "  servo       {} ticks in {} s, {} late (> 0.5 ms), {} periods skipped",
-            number("/ticks", 0),
-            number("/seconds", 1),
-            number("/late_ticks", 0),
-            number("/skipped_periods", 0)
-        ),
-        "              p50 / p99 / p99.9 / max, us".to_owned(),
-        format!("    wake-up   {}", quantiles("/wake_us")),
-        format!("    tick      {}", quantiles("/tick_us")),
-        format!("    device    {}", quantiles("/device_roundtrip_us")),
+            "  servo       {} ticks in {} s, {} late (> 0.5 ms), {} periods skipped\n              \
+             p50 / p99 / p99.9 / max, us\n    wake-up   {}\n    tick      {}\n    device    {}",
+            self.number("/ticks", 0),
+            self.number("/seconds", 1),
+            self.number("/late_ticks", 0),
+            self.number("/skipped_periods", 0),
+            self.quantiles("/wake_us"),
+            self.quantiles("/tick_us"),
+            self.quantiles("/device_roundtrip_us")
+        )
+    }
+
+    fn device(&self) -> String {
         format!(
             "  device      {} frames, {} bad, {} missing, {} watchdog trips; pose error {} mm RMS",
-            number("/device/frames", 0),
-            number("/device/crc_errors", 0),
-            number("/device/gaps", 0),
-            number("/device/watchdog_trips", 0),
-            number("/pose_rms_mm", 3)
-        ),
+            self.number("/device/frames", 0),
+            self.number("/device/crc_errors", 0),
+            self.number("/device/gaps", 0),
+            self.number("/device/watchdog_trips", 0),
+            self.number("/pose_rms_mm", 3)
+        )
+    }
+
+    fn viewer(&self) -> String {
         format!(
-            "  viewer      {} frames, {} bricks, {} starts from empty ({})",
-            number("/viewer/frames_rendered", 0),
-            number("/viewer/updates", 0),
-            number("/viewer/resyncs", 0),
-            word("/viewer/process/adapter")
-        ),
-        format!(
-            "  digest      servo {}, publisher {}, viewer {} over {} chunks",
-            word("/digest/servo"),
-            word("/digest/publisher"),
-            word("/digest/viewer"),
-            number("/digest/changed_chunks", 0)
-        ),
-        format!("  ended       {}", word("/ended")),
+            "  viewer      {} frames, {} bricks, {} starts from empty ({})\n  \
+             digest      servo {}, publisher {}, viewer {} over {} chunks",
+            self.number("/viewer/frames_rendered", 0),
+            self.number("/viewer/updates", 0),
+            self.number("/viewer/resyncs", 0),
+            self.word("/viewer/process/name"),
+            self.word("/digest/servo"),
+            self.word("/digest/publisher"),
+            self.word("/digest/viewer"),
+            self.number("/digest/changed_chunks", 0)
+        )
+    }
+}
+
+/// The report for people.
+fn text(report: &Value, args: &DemoArgs) -> String {
+    let figures = Figures(report);
+    let mut lines = vec![
+        "Osteon session report".to_owned(),
+        figures.bone(),
+        figures.servo(),
+        figures.device(),
+        figures.viewer(),
+        format!("  ended       {}", figures.word("/ended")),
     ];
     for (name, file) in [("picture", &args.screenshot), ("json", &args.json)] {
         if let Some(path) = file.as_ref().filter(|p| p.exists()) {

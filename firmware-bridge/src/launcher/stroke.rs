@@ -42,6 +42,9 @@ pub(crate) fn drill_and_ream(scene: &Scene) -> anyhow::Result<Stroke> {
     };
     let mut leave = at("leave the dock", 60.0, 130.0, 4.0);
     leave.goal_mm[1] -= 20.0;
+    // out of the picture
+    let mut aside = at("aside", 55.0, 80.0, 3.0);
+    aside.goal_mm[0] += 60.0;
     Ok(Stroke {
         segments: vec![
             leave,
@@ -55,18 +58,20 @@ pub(crate) fn drill_and_ream(scene: &Scene) -> anyhow::Result<Stroke> {
                 ..at("ream", ream - REAM_MM, 1.0, 7.0)
             },
             pressing(at("ream: withdraw", away, 40.0, 3.0), 1),
+            aside,
         ],
     })
 }
 
 /// Height of the apex at first touch, mm over the plan's origin.
 fn touch(scene: &Scene, tool: &Tool) -> anyhow::Result<f64> {
-    let height = first_touch_mm(&scene.bone, tool, &scene.bone_from_plan, 40.0).with_context(|| {
-        format!(
-            "{}: the {} touches no bone along the plan's axis; check --pose",
-            scene.source, tool.name
-        )
-    })?;
+    let height =
+        first_touch_mm(&scene.bone, tool, &scene.bone_from_plan, 40.0).with_context(|| {
+            format!(
+                "{}: the {} touches no bone along the plan's axis; check --pose",
+                scene.source, tool.name
+            )
+        })?;
     if height.abs() > REACH_MM {
         bail!(
             "{}: the {} first touches bone {height:.1} mm from the plan's origin (at most {REACH_MM} mm can be reached); check --pose, --labels and --keep",

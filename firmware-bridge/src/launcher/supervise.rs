@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 /// Wait for the simulated device's port.
 const DEVICE_TIMEOUT: Duration = Duration::from_secs(10);
 /// Wait for the haptics process' socket: a large CT takes its time.
-const SOCKET_TIMEOUT: Duration = Duration::from_secs(300);
+const SOCKET_TIMEOUT: Duration = Duration::from_mins(5);
 /// Wait for a process that was asked to end.
 const END_TIMEOUT: Duration = Duration::from_secs(20);
 /// Viewers started again after they died unasked.
@@ -34,13 +34,12 @@ pub(crate) struct Files {
 
 impl Files {
     fn new(args: &DemoArgs) -> anyhow::Result<Self> {
-        let (dir, keep) = match &args.keep_files {
-            Some(dir) => (dir.clone(), true),
-            None => {
-                let name = format!("session-{}", std::process::id());
-                private_dir(&runtime_dir())?;
-                (runtime_dir().join(name), false)
-            }
+        let (dir, keep) = if let Some(dir) = &args.keep_files {
+            (dir.clone(), true)
+        } else {
+            private_dir(&runtime_dir())?;
+            let name = format!("session-{}", std::process::id());
+            (runtime_dir().join(name), false)
         };
         private_dir(&dir)?;
         Ok(Self { dir, keep })
@@ -68,9 +67,9 @@ enum ViewerMode {
     MirrorOnly,
 }
 
-pub(crate) fn run(args: &DemoArgs, screen: Screen) -> anyhow::Result<()> {
+pub(crate) fn run(args: &DemoArgs, screen: &Screen) -> anyhow::Result<()> {
     let stop = signals()?;
-    let mode = viewer_mode(args, &screen);
+    let mode = viewer_mode(args, screen);
     let files = Files::new(args)?;
     let mut progress = Progress::new("planning");
     let scene = scene::load(&args.scene, &mut |stage, share| progress.show(stage, share))?;
@@ -230,7 +229,9 @@ impl Session {
             self.restarts += 1;
         } else if self.restarts < MAX_RESTARTS {
             self.restarts += 1;
-            report::say(&format!("demo: the viewer ended with {status}; starting another"));
+            report::say(&format!(
+                "demo: the viewer ended with {status}; starting another"
+            ));
             let args = &self.viewer_args;
             self.viewer = Some(Process::start("viewer", args, Stdio::inherit())?);
         }

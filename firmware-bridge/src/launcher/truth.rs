@@ -52,6 +52,11 @@ struct Unwrap {
 
 impl Unwrap {
     fn next(&mut self, seq: f64) -> u64 {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "written as a 16-bit number; a cast of anything else saturates"
+        )]
         let seq = seq as u16;
         if self.last.is_some_and(|last| seq < last) {
             self.high += 1 << 16;

@@ -1,0 +1,119 @@
+//! What goes into a servo tick and what comes out.
+
+use crate::bone::Bone;
+use crate::carve::CarveStep;
+use crate::contact::ContactConfig;
+use crate::pose::Pose;
+use crate::servo::MAX_SUBSTEPS;
+use crate::tool::Tool;
+use glam::DVec3;
+use std::sync::Arc;
+
+/// Bits of [`Sample::buttons`].
+pub mod button {
+    /// Toggles the spindle.
+    pub const SPINDLE: u8 = 1;
+    /// Takes the next tool.
+    pub const NEXT_TOOL: u8 = 2;
+}
+
+/// What the numbers of the device mean, from its hello message.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DeviceScale {
+    /// Encoder counts per joint revolution.
+    pub counts_per_rev: u32,
+    /// Gimbal counts per revolution.
+    pub gimbal_counts_per_rev: u16,
+    /// Largest torque command, DAC counts.
+    pub dac_max: i16,
+    /// Joint torque of one DAC count, N·mm.
+    pub nmm_per_count: f64,
+}
+
+/// One raw device sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Device clock, µs, wraps.
+    pub time_micros: u32,
+    /// Joint encoder counts from the dock.
+    pub encoders: [i32; 3],
+    /// Gimbal counts.
+    pub gimbal: [i16; 3],
+    /// [`button`] bits that are pressed.
+    pub buttons: u8,
+    /// Whether the drive applies torque (active or holding).
+    pub drive_active: bool,
+    /// Whether the stylus rests in its dock.
+    pub docked: bool,
+}
+
+/// What a person may ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Request {
+    /// Take a tool; an index beyond the set is ignored.
+    SelectTool(u8),
+    /// Spindle on or off.
+    Spindle(bool),
+    /// Pause or go on.
+    Pause(bool),
+    /// Back to the uncut bone.
+    Reset,
+}
+
+/// What one tick made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "independent facts, shown one by one"
+)]
+pub struct TickOutput {
+    /// Joint torques for the device, DAC counts.
+    pub torque: [i16; 3],
+    /// Gimbal centre in the base frame, mm, from this tick's sample (or the last one).
+    pub stylus_in_base: DVec3,
+    /// Where the hand holds the tool.
+    pub bone_from_device: Pose,
+    /// Where the tool is shown and cuts.
+    pub bone_from_tool: Pose,
+    /// Force on the hand, bone frame, N.
+    pub force_n: DVec3,
+    /// Index of the tool in hand.
+    pub tool: u8,
+    /// Whether the spindle is switched on.
+    pub spindle_on: bool,
+    /// Whether the session is paused.
+    pub paused: bool,
+    /// The tool appeared inside bone: no force until it is pulled free.
+    pub embedded: bool,
+    /// The tool has not yet come in front of the joint since it left the dock: no contact.
+    pub waiting: bool,
+    /// Whether this tick had a fresh, plausible sample.
+    pub fresh: bool,
+    /// Counts resets.
+    pub epoch: u32,
+    /// Carved steps, in order; the first `carved_len` count.
+    pub carved: [CarveStep; MAX_SUBSTEPS],
+    /// Number of carved steps.
+    pub carved_len: usize,
+    /// Occupancy units removed since the reset, by tissue class, after this tick.
+    pub removed_by_class: [i64; crate::tissue::TISSUES],
+}
+
+/// What a servo is made from.
+#[derive(Debug, Clone)]
+pub struct ServoSetup {
+    /// The bone.
+    pub bone: Arc<Bone>,
+    /// Tools, at most [`MAX_TOOLS`]; at least one.
+    pub tools: Vec<Tool>,
+    /// Registration ([`crate::register::bone_from_base`]).
+    pub bone_from_base: Pose,
+    /// The plan: origin at the glenoid's centre, z outward.
+    pub bone_from_plan: Pose,
+    /// Meaning of the device's numbers.
+    pub device: DeviceScale,
+    /// Force limit asked for by the user, N.
+    pub force_limit_n: f64,
+    /// Coupling and cutting law.
+    pub contact: ContactConfig,
+}
