@@ -36,11 +36,17 @@ struct DefaultDemo {
     args: launcher::DemoArgs,
 }
 
-#[expect(clippy::print_stderr, reason = "the error line of a command-line program")]
+#[expect(
+    clippy::print_stderr,
+    reason = "the error line of a command-line program"
+)]
 fn main() -> ExitCode {
-    let task = Cli::parse().task.unwrap_or_else(|| {
-        Task::Demo(DefaultDemo::parse_from(["osteon"]).args)
-    });
+    let task = Cli::parse()
+        .task
+        .unwrap_or_else(|| Task::Demo(DefaultDemo::parse_from(["osteon"]).args));
+    if matches!(task, Task::Demo(_) | Task::View(_) | Task::Doctor(_)) {
+        osteon_viewer::prepare();
+    }
     let result = match task {
         Task::Demo(args) => launcher::run(&args, screen),
         Task::Haptics(args) => haptics::run(&args),

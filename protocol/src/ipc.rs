@@ -5,6 +5,7 @@
 //! most 1024 bytes ([`crate::ipc_frame::MAX_TEXT`]).
 
 use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
 
 /// Version of the viewer link.
 pub const IPC_VERSION: u16 = 1;
@@ -14,6 +15,21 @@ pub const MAX_PAYLOAD: usize = 1 << 20;
 
 /// Most bricks of one [`Bricks`] message.
 pub const MAX_BRICKS: usize = 256;
+
+/// The user's private directory for sockets and links: `osteon` in the runtime directory, or in
+/// `osteon-<user>` under the temporary one where there is none.
+pub fn private_dir(runtime: Option<&Path>, temporary: &Path, user: u32) -> PathBuf {
+    let own = || temporary.join(format!("osteon-{user}"));
+    runtime
+        .filter(|dir| !dir.as_os_str().is_empty())
+        .map_or_else(own, Path::to_owned)
+        .join("osteon")
+}
+
+/// The socket at which a haptics process listens where none is named.
+pub fn default_socket(runtime: Option<&Path>, temporary: &Path, user: u32) -> PathBuf {
+    private_dir(runtime, temporary, user).join("haptics.sock")
+}
 
 /// A rigid transform on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -2,6 +2,10 @@
 //!
 //! Every brick that can hold a surface has a *slot*. A slot's *tile* is the brick's 8³ voxels and
 //! one voxel around them (10³), so that trilinear reading inside the brick needs no neighbour.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "lattice and picture edges are bounded far below the target type; f64 becomes f32 for the GPU"
+)]
 
 use osteon_sim_core::bone::Bone;
 use osteon_sim_core::cut::{Cut, UNCUT};
@@ -401,6 +405,7 @@ mod tests {
             let lo = lattice_brick(&bone, chunk as usize, usize::from(brick));
             for (t, texel) in tile.iter().enumerate() {
                 let inner = [t % TILE, t / TILE % TILE, t / (TILE * TILE)];
+                #[expect(clippy::cast_possible_wrap, reason = "below 4096")]
                 let voxel: [isize; 3] =
                     core::array::from_fn(|a| (lo[a] * BRICK + inner[a]) as isize - 1);
                 let at = voxel.map(usize::try_from);

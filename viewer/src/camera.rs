@@ -2,6 +2,10 @@
 //!
 //! View frame: x right, y up, z from the target to the eye. `up` is the patient's superior
 //! direction in the bone frame; the angles turn about it, starting at the glenoid's normal.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "lattice and picture edges are bounded far below the target type; f64 becomes f32 for the GPU"
+)]
 
 use glam::{DMat3, DVec2, DVec3, Mat4};
 use osteon_sim_core::pose::Pose;

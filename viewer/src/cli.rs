@@ -1,16 +1,19 @@
 //! Arguments of `osteon view`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Shows a session of the haptics process, in a window or in a picture.
 #[derive(Debug, Clone, clap::Args)]
 pub struct ViewArgs {
-    /// Socket of the haptics process.
-    #[arg(long, value_name = "PATH")]
+    /// Socket of the haptics process [default: haptics.sock in the user's runtime directory].
+    #[arg(long, value_name = "PATH", default_value_os_t = default_socket())]
     pub socket: PathBuf,
     /// Open no window; write the last state of the session to this PNG.
     #[arg(long, value_name = "OUT.png")]
     pub offscreen: Option<PathBuf>,
+    /// Open no window and draw nothing: keep a copy of the bone and compare it (needs no adapter).
+    #[arg(long, conflicts_with = "offscreen")]
+    pub mirror_only: bool,
     /// Size of the window or picture in pixels.
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size)]
     pub size: [u32; 2],
@@ -30,12 +33,21 @@ pub struct ViewArgs {
     /// End when the process that started this one ends.
     #[arg(long, hide = true)]
     pub die_with_parent: bool,
-    /// Save a picture of the whole window (also: the variable OSTEON_SCREENSHOT).
+    /// Save a picture of the whole window (also: the variable `OSTEON_SCREENSHOT`).
     #[arg(long, hide = true, value_name = "OUT.png")]
     pub window_screenshot: Option<PathBuf>,
     /// When to save it, seconds after the bone is complete.
     #[arg(long, hide = true, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds)]
     pub screenshot_after: f64,
+}
+
+fn default_socket() -> PathBuf {
+    let runtime = std::env::var_os("XDG_RUNTIME_DIR");
+    osteon_protocol::ipc::default_socket(
+        runtime.as_deref().map(Path::new),
+        &std::env::temp_dir(),
+        crate::system::user(),
+    )
 }
 
 /// Longest edge of a window or picture, pixels.

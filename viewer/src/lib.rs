@@ -26,7 +26,14 @@ mod screenshot;
 mod session;
 mod system;
 #[cfg(test)]
+#[expect(
+    clippy::print_stderr,
+    clippy::too_many_lines,
+    clippy::type_complexity,
+    reason = "tests that show their figures, and synthetic scenes"
+)]
 mod testing;
+mod watch;
 
 pub use adapter::{AdapterBrief, Probe, probe};
 pub use cli::ViewArgs;
@@ -40,8 +47,15 @@ pub fn run(args: ViewArgs) -> anyhow::Result<()> {
     if args.die_with_parent {
         system::die_with_parent();
     }
-    system::bound_raster_threads();
+    prepare();
     run_here(args)
+}
+
+/// Sets what graphics libraries read from the environment, by starting the program again once: one
+/// raster thread for a software renderer, and a runtime directory where there is none (so that they
+/// do not complain about it). Call it first; it returns where nothing is left to set.
+pub fn prepare() {
+    system::prepare_environment();
 }
 
 /// [`run`] without starting the process again.
@@ -55,6 +69,9 @@ fn run_here(args: ViewArgs) -> anyhow::Result<()> {
         },
         core_left_free,
     };
+    if args.mirror_only {
+        return watch::run(&args);
+    }
     match args.offscreen.clone() {
         Some(out) => offscreen::run(&args, &out, manners),
         None => app::run(args, manners),

@@ -2,6 +2,11 @@
 //!
 //! Filled by the link thread from decoded messages; read by the renderer and the panels. Nothing
 //! here trusts the other side: every count and index is checked before it is used.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "lattice and picture edges are bounded far below the target type; f64 becomes f32 for the GPU"
+)]
 
 use crate::bricks::{BrickMap, Dirty, lattice_brick};
 use crate::history::History;

@@ -1,4 +1,8 @@
 //! A session without a window: drawn at a modest rate, its last state written as a PNG.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "lattice and picture edges are bounded far below the target type; f64 becomes f32 for the GPU"
+)]
 
 use crate::adapter;
 use crate::cli::ViewArgs;

@@ -1,4 +1,9 @@
 //! The colours of tissues, tools and plots.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "lattice and picture edges are bounded far below the target type; f64 becomes f32 for the GPU"
+)]
 
 use egui::Color32;
 use osteon_sim_core::tissue::Tissue;

@@ -1,4 +1,8 @@
 //! A picture of the whole window, for documentation.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "lattice and picture edges are bounded far below the target type; f64 becomes f32 for the GPU"
+)]
 
 use crate::cli::ViewArgs;
 use crate::offscreen::write_png;

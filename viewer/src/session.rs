@@ -1,4 +1,9 @@
 //! What window and offscreen picture have in common: renderer beside mirror, counters, camera.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "lattice and picture edges are bounded far below the target type; f64 becomes f32 for the GPU"
+)]
 
 use crate::adapter::AdapterBrief;
 use crate::camera::Camera;

@@ -2,6 +2,8 @@
 
 /// Name of the variable that bounds lavapipe's raster threads.
 const RASTER_THREADS: &str = "LP_NUM_THREADS";
+/// Name of the variable with the user's runtime directory.
+const RUNTIME_DIR: &str = "XDG_RUNTIME_DIR";
 
 /// Has the system end this process when the one that started it ends (Linux; elsewhere nothing).
 pub(crate) fn die_with_parent() {
@@ -21,26 +23,48 @@ pub(crate) fn die_with_parent() {
     }
 }
 
-/// Starts this program again with one raster thread, unless the variable is set: lavapipe reads
-/// it once, and would else take all cores from the servo loop. Returns only where that is not
-/// needed or not possible.
-pub(crate) fn bound_raster_threads() {
+/// Starts this program again with the environment that graphics libraries want, where it is not
+/// set: one raster thread (lavapipe reads the number once, and would else take all cores from the
+/// servo loop), and a runtime directory (libwayland complains aloud where there is none). Returns
+/// only where nothing is missing, or where the start fails.
+pub(crate) fn prepare_environment() {
     #[cfg(target_os = "linux")]
     {
         use std::os::unix::process::CommandExt as _;
-        if std::env::var_os(RASTER_THREADS).is_some() {
+        let unset = |name: &str| std::env::var_os(name).is_none_or(|v| v.is_empty());
+        if !unset(RASTER_THREADS) && !unset(RUNTIME_DIR) {
             return;
         }
         let failure = match std::env::current_exe() {
-            Ok(program) => std::process::Command::new(program)
-                .args(std::env::args_os().skip(1))
-                .env(RASTER_THREADS, "1")
-                .exec(),
+            Ok(program) => {
+                let mut again = std::process::Command::new(program);
+                again.args(std::env::args_os().skip(1));
+                if unset(RASTER_THREADS) {
+                    again.env(RASTER_THREADS, "1");
+                }
+                if unset(RUNTIME_DIR) {
+                    let own = format!("osteon-{}", user());
+                    again.env(RUNTIME_DIR, std::env::temp_dir().join(own));
+                }
+                again.exec()
+            }
             Err(e) => e,
         };
         crate::say(&format!(
             "cannot bound the raster threads ({failure}); set {RASTER_THREADS}=1 where no graphics card is used"
         ));
+    }
+}
+
+/// Number of the user, for paths of one's own; 0 where the system has none.
+pub(crate) fn user() -> u32 {
+    #[cfg(unix)]
+    {
+        rustix::process::geteuid().as_raw()
+    }
+    #[cfg(not(unix))]
+    {
+        0
     }
 }
 

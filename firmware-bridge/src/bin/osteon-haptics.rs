@@ -12,7 +12,10 @@ struct Cli {
     haptics: HapticsArgs,
 }
 
-#[expect(clippy::print_stderr, reason = "the error line of a command-line program")]
+#[expect(
+    clippy::print_stderr,
+    reason = "the error line of a command-line program"
+)]
 fn main() -> ExitCode {
     match run(&Cli::parse().haptics) {
         Ok(()) => ExitCode::SUCCESS,

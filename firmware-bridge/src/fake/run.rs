@@ -4,6 +4,7 @@ use super::device::Device;
 use super::port::Port;
 use super::stroke::Stroke;
 use super::truth::TruthLog;
+use crate::haptics::socket::{private_dir, runtime_dir};
 use crate::rt;
 use anyhow::Context as _;
 use osteon_protocol::device::{DeviceMessage, HostMessage};
@@ -27,8 +28,8 @@ const HOST_GONE_TICKS: u32 = 500;
 /// Options of the simulated device.
 #[derive(Debug, Clone, clap::Args)]
 pub struct FakeArgs {
-    /// Symbolic link to the serial port that a host opens [default: osteon-fake-omni in
-    /// `$XDG_RUNTIME_DIR`, else in the temporary directory]
+    /// Symbolic link to the serial port that a host opens [default: fake-omni in the user's runtime
+    /// directory]
     #[arg(long, value_name = "PATH")]
     pub link: Option<PathBuf>,
     /// What the simulated hand does: JSON with `segments` of `name`, `goal_mm`, `axis`, `speed_mm_s`,
@@ -75,9 +76,7 @@ impl FakeArgs {
 
 /// Where `fake-omni` puts its link, and a host looks for it, by default.
 pub fn default_link() -> PathBuf {
-    std::env::var_os("XDG_RUNTIME_DIR")
-        .map_or_else(std::env::temp_dir, PathBuf::from)
-        .join("osteon-fake-omni")
+    runtime_dir().join("fake-omni")
 }
 
 /// What happened on the cable.
@@ -119,6 +118,9 @@ pub fn run(args: &FakeArgs) -> anyhow::Result<()> {
     ] {
         signal_hook::flag::register(signal, Arc::clone(&stop))
             .context("fake-omni: cannot watch for signals")?;
+    }
+    if args.link.is_none() {
+        private_dir(&runtime_dir())?;
     }
     let bench = Bench::new(args)?;
     ask_rights()?;

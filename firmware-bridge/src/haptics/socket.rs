@@ -11,13 +11,14 @@ use std::fs::{self, DirBuilder};
 use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 
-/// The user's private directory for sockets and links: `$XDG_RUNTIME_DIR/osteon`, or
-/// `osteon-<uid>` in the system's temporary directory.
+/// The user's private directory for sockets and links ([`osteon_protocol::ipc::private_dir`]).
 pub fn runtime_dir() -> PathBuf {
-    match std::env::var_os("XDG_RUNTIME_DIR") {
-        Some(dir) if !dir.is_empty() => PathBuf::from(dir).join("osteon"),
-        _ => std::env::temp_dir().join(format!("osteon-{}", geteuid().as_raw())),
-    }
+    let runtime = std::env::var_os("XDG_RUNTIME_DIR");
+    osteon_protocol::ipc::private_dir(
+        runtime.as_deref().map(Path::new),
+        &std::env::temp_dir(),
+        geteuid().as_raw(),
+    )
 }
 
 /// Makes `dir` with access for the user alone; refuses one that exists and belongs to, or opens to,

@@ -44,7 +44,7 @@ pub(crate) fn drill_and_ream(scene: &Scene) -> anyhow::Result<Stroke> {
     leave.goal_mm[1] -= 20.0;
     // out of the picture
     let mut aside = at("aside", 55.0, 80.0, 3.0);
-    aside.goal_mm[0] += 60.0;
+    aside.goal_mm[0] -= 60.0;
     Ok(Stroke {
         segments: vec![
             leave,

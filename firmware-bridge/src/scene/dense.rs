@@ -132,6 +132,7 @@ impl VoxelBox {
     }
 
     /// Grown by `margin` voxels along each axis, inside the lattice.
+    #[must_use]
     pub fn grown(self, lattice: Lattice, margin: [usize; 3]) -> Self {
         Self {
             lo: core::array::from_fn(|a| self.lo[a].saturating_sub(margin[a])),

@@ -238,6 +238,7 @@ pub fn free_radius_mm(grid: &Grid) -> f32 {
 /// All voxel steps whose length is within the reach of the distance field, with their length, mm.
 fn ball_offsets(grid: &Grid, radius: f32) -> Vec<([i32; 3], f32)> {
     let spacing = grid.spacing_mm.as_vec3();
+    #[expect(clippy::cast_possible_truncation, reason = "a small constant")]
     let reach = osteon_sim_core::solid::REACH_BANDS as f32 * spacing.length() + radius;
     #[expect(clippy::cast_possible_truncation, reason = "a few voxels")]
     let span = (reach / spacing.min_element()).ceil() as i32;

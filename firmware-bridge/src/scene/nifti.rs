@@ -210,7 +210,7 @@ fn read_values(stream: &mut dyn Read, header: &Header) -> Result<Vec<f32>, Probl
             let more = (count - values.len()).min(values.len().max(BLOCK));
             values
                 .try_reserve_exact(more)
-                .map_err(|_| Problem::Memory(count))?;
+                .map_err(|_too_much| Problem::Memory(count))?;
         }
         header.convert(&block[..want], &mut values);
         left -= want;
@@ -252,7 +252,7 @@ fn lattice(header: &Header) -> Result<(Grid, Pose, bool), Problem> {
         origin += axes[0] * (header.dims[0] - 1) as f64;
         axes[0] = -axes[0];
     }
-    let grid = Grid::new(header.dims, spacing).map_err(|_| Problem::Affine(form))?;
+    let grid = Grid::new(header.dims, spacing).map_err(|_spacing| Problem::Affine(form))?;
     let rotation = rotation(axes).ok_or(Problem::Affine(form))?;
     Ok((grid, Pose::new(rotation, origin), mirrored))
 }

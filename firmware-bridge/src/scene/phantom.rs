@@ -97,7 +97,7 @@ fn grid(voxel_mm: f64) -> Result<Grid, SceneError> {
         .ceil()
         .to_array()
         .map(|n| n as usize + 1);
-    let grid = Grid::new(dims, DVec3::splat(voxel_mm)).map_err(|_| refuse())?;
+    let grid = Grid::new(dims, DVec3::splat(voxel_mm)).map_err(|_edge| refuse())?;
     if grid.len() > MAX_VOXELS {
         return Err(refuse());
     }

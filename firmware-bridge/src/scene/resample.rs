@@ -42,7 +42,7 @@ pub fn resampled_grid(grid: &Grid, voxel_mm: f64) -> Result<Grid, SceneError> {
     )]
     // a millionth of a voxel: an edge of whole voxels stays whole
     let dims = (last / voxel_mm + 1e-6).to_array().map(|n| n as usize + 1);
-    let grid = Grid::new(dims, DVec3::splat(voxel_mm)).map_err(|_| refuse())?;
+    let grid = Grid::new(dims, DVec3::splat(voxel_mm)).map_err(|_edge| refuse())?;
     if grid.len() > MAX_VOXELS {
         return Err(refuse());
     }

@@ -238,13 +238,12 @@ fn bad_input_is_one_line_with_what_where_and_the_remedy() {
     assert!(with(&|a| a.pose = Some(files.path("far.json"))).contains("mm outside the bone"));
 
     let other = |name: &str, dims: [i16; 3], x: f32| {
-        let count = dims.iter().map(|&n| f64::from(n)).product::<f64>();
+        let count: usize = dims
+            .iter()
+            .map(|&n| usize::from(n.unsigned_abs()))
+            .product();
         let mut spec = Spec::new(dims, [0.8, 0.8, 1.0], Vec::new());
-        spec.values = (0..)
-            .map(f64::from)
-            .take_while(|&n| n < count)
-            .map(|_| 1.0)
-            .collect();
+        spec.values = vec![1.0; count];
         spec.sform = Some([
             [0.8, 0.0, 0.0, x],
             [0.0, -0.8, 0.0, 20.0],

@@ -28,13 +28,13 @@ pub(crate) fn show(ui: &mut egui::Ui, status: &Status) {
         let depth = newest.map_or(0.0, |p| p.depth_mm);
         title(
             right,
-            &format!("Depth past first touch, mm: {depth:.2}"),
+            &format!("Depth past the joint face, mm: {depth:.2}"),
             DEPTH,
         );
         let points = series(status, |p| p.depth_mm);
         let (lo, hi) = range(status);
         plot("depth", lo, hi).show(right, |plot| {
-            plot.hline(HLine::new("first touch", 0.0).color(Color32::from_gray(0x80)));
+            plot.hline(HLine::new("joint face", 0.0).color(Color32::from_gray(0x80)));
             plot.line(Line::new("depth", points).color(DEPTH).width(1.5));
         });
     });

@@ -3,7 +3,7 @@
 use super::{Status, Wish, heading, row, table};
 use crate::palette::{FORCE, GOOD};
 use egui::{Button, RichText};
-use osteon_protocol::ipc::Command;
+use osteon_protocol::ipc::{Command, PoseUpdate};
 
 /// Shows the panel.
 pub(crate) fn show(ui: &mut egui::Ui, status: &Status, wishes: &mut Vec<Wish>) {
@@ -45,9 +45,12 @@ pub(crate) fn show(ui: &mut egui::Ui, status: &Status, wishes: &mut Vec<Wish>) {
         button(ui, "R  reset bone", false, Command::Reset);
         button(ui, "stop session", false, Command::Stop);
     });
-    let Some(pose) = status.pose else {
-        return;
-    };
+    if let Some(pose) = status.pose {
+        figures(ui, status, &pose);
+    }
+}
+
+fn figures(ui: &mut egui::Ui, status: &Status, pose: &PoseUpdate) {
     table(ui, "tool", |ui| {
         let newest = status.points.last();
         let force = newest.map_or(0.0, |p| p.force_n);
@@ -63,7 +66,7 @@ pub(crate) fn show(ui: &mut egui::Ui, status: &Status, wishes: &mut Vec<Wish>) {
         row(
             ui,
             "depth",
-            format!("{:.2} mm past first touch", pose.depth_mm),
+            format!("{:.2} mm past the joint face", pose.depth_mm),
         );
         let layer = status.layer.unwrap_or("none");
         row(

@@ -6,6 +6,11 @@
 //! tissue (Rgba8)    slot -> colour of the tissue
 //! ```
 //! A changed brick is one write of 4 kB per tile that shows it; nothing is rebuilt.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    reason = "lattice and picture edges are bounded far below the target type; f64 becomes f32 for the GPU"
+)]
 
 use crate::bricks::{BrickMap, TILE, TILE_TEXELS};
 use crate::mirror::Model;

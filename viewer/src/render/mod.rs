@@ -200,7 +200,7 @@ mod tests {
                 }
                 _ => None,
             });
-            assert_eq!(span, Some(size as u32), "{name}");
+            assert_eq!(span, u32::try_from(size).ok(), "{name}");
         }
     }
 }

@@ -123,7 +123,7 @@ impl Target {
         let (sender, receiver) = std::sync::mpsc::sync_channel(1);
         // the receiver outlives the callback: it runs inside the poll below
         buffer.map_async(wgpu::MapMode::Read, .., move |result| {
-            drop(sender.send(result))
+            drop(sender.send(result));
         });
         device
             .poll(wgpu::PollType::wait_indefinitely())

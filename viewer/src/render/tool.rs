@@ -1,4 +1,8 @@
 //! The tool pass: each tool's outline turned about its axis (`tool.wgsl`).
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "lattice and picture edges are bounded far below the target type; f64 becomes f32 for the GPU"
+)]
 
 use super::bone::depth_state;
 use super::target::COLOUR;

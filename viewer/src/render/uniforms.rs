@@ -1,4 +1,8 @@
 //! Numbers that every pass reads: camera, lights, and where the bricks are.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "lattice and picture edges are bounded far below the target type; f64 becomes f32 for the GPU"
+)]
 
 use super::View;
 use super::atlas::AtlasLayout;

@@ -1,4 +1,9 @@
 //! Bones in closed form, and cuts in them.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "lattice and picture edges are bounded far below the target type; f64 becomes f32 for the GPU"
+)]
 
 use glam::DVec3;
 use osteon_sim_core::bone::{Bone, DenseBone};

@@ -15,6 +15,7 @@ use std::time::Duration;
 
 fn args(socket: &Path, out: Option<PathBuf>) -> ViewArgs {
     ViewArgs {
+        mirror_only: false,
         socket: socket.to_owned(),
         report: out.as_ref().map(|o| o.with_extension("json")),
         offscreen: out,
@@ -130,7 +131,7 @@ fn what_is_no_session_is_refused_in_one_line() {
             }),
             "one viewer is enough",
         ),
-        ("silent", Box::new(|t| t.hello()), "without a farewell"),
+        ("silent", Box::new(Talk::hello), "without a farewell"),
         (
             "rude",
             Box::new(|t| t.send(&ToViewer::Reset { epoch: 1 })),

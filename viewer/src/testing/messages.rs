@@ -1,4 +1,8 @@
 //! Messages as a haptics process would send them.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "lattice and picture edges are bounded far below the target type; f64 becomes f32 for the GPU"
+)]
 
 use osteon_protocol::ipc::{Bricks, PoseUpdate, Scene, ToViewer, ToolInfo, WirePose};
 use osteon_protocol::ipc_frame::{PieceValues, pack_bricks, pack_piece};

@@ -290,7 +290,10 @@ fn something_like_a_scapula_is_drawn_in_time() {
             begin.elapsed()
         });
         let best = times.min().unwrap();
-        eprintln!("{name}: {size:?}, best of 8: {best:?} on {}", gpu.adapter.name);
+        eprintln!(
+            "{name}: {size:?}, best of 8: {best:?} on {}",
+            gpu.adapter.name
+        );
         let pixels = picture(&mut renderer, &view);
         keep(name, size, &pixels);
     }

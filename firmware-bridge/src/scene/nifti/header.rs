@@ -306,13 +306,13 @@ fn check_dims(dim: [i64; 8]) -> Result<[usize; 3], Problem> {
     if !(3..=7).contains(&dim[0]) {
         return refuse(0, "3 axes are needed");
     }
-    for n in 1..4 {
-        if !(1..=MAX_DIM as i64).contains(&dim[n]) {
+    let last = dim[0] as usize;
+    for (n, &length) in dim.iter().enumerate().take(last + 1).skip(1) {
+        let possible = usize::try_from(length).is_ok_and(|v| (1..=MAX_DIM).contains(&v));
+        if n < 4 && !possible {
             return refuse(n, "1 to 4096 voxels are allowed");
         }
-    }
-    for n in 4..=dim[0] as usize {
-        if dim[n] != 1 {
+        if n >= 4 && length != 1 {
             return refuse(n, "only 1 is allowed, for this is a series of volumes");
         }
     }
