@@ -240,13 +240,10 @@ fn resampled(
     drop(phi);
     clear_excluded(&grid, &mut solid_mm, &labels, keep);
     let points = resample::surface_points(&source.grid, &source.solid_mm);
-    let (surface_rms_mm, surface_max_mm) = resample::surface_error(&grid, &solid_mm, &points);
     let read = (source.hu.as_slice(), source.solid_mm.as_slice());
     let error = ResampleError {
-        surface_rms_mm,
-        surface_max_mm,
-        surface_points: points.len(),
         hu_rms: Some(resample::hu_error(&source.grid, read, &grid, &hu)),
+        ..ResampleError::at(&grid, &solid_mm, &points)
     };
     let fields = Fields {
         grid,

@@ -11,7 +11,7 @@
 pub mod shape;
 
 use super::dense::{Dense, Lattice, distance, near_bone};
-use super::resample::{MAX_VOXELS, ResampleError, surface_error};
+use super::resample::{MAX_VOXELS, ResampleError};
 use super::{Scene, SceneArgs, SceneError, SceneSummary, plan};
 use glam::{DMat3, DQuat, DVec3};
 use osteon_sim_core::grid::Grid;
@@ -186,13 +186,7 @@ fn lattice_error(grid: &Grid, shape: &Scapula, phi: &[f32], solid_mm: &[f32]) ->
         .into_par_iter()
         .filter_map(crossing)
         .collect();
-    let (surface_rms_mm, surface_max_mm) = surface_error(grid, solid_mm, &points);
-    ResampleError {
-        surface_rms_mm,
-        surface_max_mm,
-        surface_points: points.len(),
-        hu_rms: None,
-    }
+    ResampleError::at(grid, solid_mm, &points)
 }
 
 /// Density, class and label of every voxel near or in the bone. Voxels just outside take the

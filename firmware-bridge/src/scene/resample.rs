@@ -19,7 +19,10 @@ pub const MAX_VOXELS: usize = 1 << 28;
 pub struct ResampleError {
     /// RMS distance of the new surface at the source's own surface points, mm.
     pub surface_rms_mm: f64,
-    /// Largest such distance, mm (saturated at the band).
+    /// 99th percentile of such distances, mm.
+    pub surface_p99_mm: f64,
+    /// Largest such distance, mm (saturated at the band): where a speck or a sliver thinner than a
+    /// new voxel was lost.
     pub surface_max_mm: f64,
     /// Surface points compared: where the source's surface crosses its lattice edges.
     pub surface_points: usize,
@@ -200,15 +203,24 @@ pub fn surface_points(grid: &Grid, solid_mm: &[f32]) -> Vec<DVec3> {
         .collect()
 }
 
-/// RMS and largest |distance| that the field shows at `points`, mm.
-pub fn surface_error(grid: &Grid, solid_mm: &[f32], points: &[DVec3]) -> (f64, f64) {
-    let distances: Vec<f64> = points
-        .par_iter()
-        .map(|&p| f64::from(trilinear(grid, solid_mm, p)).abs())
-        .collect();
-    let squares: f64 = distances.iter().map(|d| d * d).sum();
-    let rms = (squares / distances.len().max(1) as f64).sqrt();
-    (rms, distances.iter().copied().fold(0.0, f64::max))
+impl ResampleError {
+    /// The error that the field shows at `points` of the true surface (bone frame, mm).
+    pub fn at(grid: &Grid, solid_mm: &[f32], points: &[DVec3]) -> Self {
+        let mut distances: Vec<f64> = points
+            .par_iter()
+            .map(|&p| f64::from(trilinear(grid, solid_mm, p)).abs())
+            .collect();
+        distances.par_sort_unstable_by(f64::total_cmp);
+        let squares: f64 = distances.iter().map(|d| d * d).sum();
+        let count = distances.len();
+        Self {
+            surface_rms_mm: (squares / count.max(1) as f64).sqrt(),
+            surface_p99_mm: distances.get(count * 99 / 100).copied().unwrap_or(0.0),
+            surface_max_mm: distances.last().copied().unwrap_or(0.0),
+            surface_points: count,
+            hu_rms: None,
+        }
+    }
 }
 
 /// RMS difference of `hu` on `to`, read back trilinearly, from the source's own values at its solid
@@ -280,11 +292,15 @@ mod tests {
         let plane = |offset: f64| move |p: DVec3| (p.x * 0.6 + p.y * 0.8) - 7.0 - offset;
         let points = surface_points(&from, &sample(&from, plane(0.0)));
         assert!(points.len() > 100);
-        let (rms, max) = surface_error(&to, &sample(&to, plane(0.125)), &points);
-        assert!(
-            (rms - 0.125).abs() < 1e-5 && (max - 0.125).abs() < 1e-5,
-            "{rms} {max}"
-        );
+        let error = ResampleError::at(&to, &sample(&to, plane(0.125)), &points);
+        for e in [
+            error.surface_rms_mm,
+            error.surface_p99_mm,
+            error.surface_max_mm,
+        ] {
+            assert!((e - 0.125).abs() < 1e-5, "{e}");
+        }
+        assert_eq!(error.surface_points, points.len());
     }
 
     #[test]
