@@ -26,29 +26,29 @@ const NAME_BYTES: usize = 200;
 pub(crate) enum LinkError {
     /// The path is no socket name.
     #[error(
-        "{path} cannot name a socket ({source}); give the path that the haptics process printed to --socket"
+        "{path} cannot name a socket ({reason}); give the path that the haptics process printed to --socket"
     )]
     Name {
         /// The path.
         path: PathBuf,
         /// Why.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// Nobody listens.
-    #[error("no haptics process listens on {path} ({source}); start one first or correct --socket")]
+    #[error("no haptics process listens on {path} ({reason}); start one first or correct --socket")]
     Connect {
         /// The socket.
         path: PathBuf,
         /// Why.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// A thread could not be started.
-    #[error("the link to {path} cannot start a thread ({source}); close other programs")]
+    #[error("the link to {path} cannot start a thread ({reason}); close other programs")]
     Thread {
         /// The socket.
         path: PathBuf,
         /// Why.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
 }
 
@@ -128,9 +128,9 @@ impl Link {
         let stream = Arc::new(connect(path)?);
         let out = Arc::clone(&stream);
         let (sender, receiver) = sync_channel(OUTGOING);
-        let thread = |source| LinkError::Thread {
+        let thread = |reason| LinkError::Thread {
             path: path.to_owned(),
-            source,
+            reason,
         };
         let writer = std::thread::Builder::new()
             .name("link-out".into())
@@ -179,19 +179,19 @@ fn connect(path: &Path) -> Result<Stream, LinkError> {
     let until = Instant::now() + PATIENCE;
     loop {
         let name = path.to_fs_name::<GenericFilePath>();
-        let name = name.map_err(|source| LinkError::Name {
+        let name = name.map_err(|reason| LinkError::Name {
             path: path.to_owned(),
-            source,
+            reason,
         })?;
         match Stream::connect(name) {
             Ok(stream) => return Ok(stream),
             Err(e) if starting(&e) && Instant::now() < until => {
                 std::thread::sleep(Duration::from_millis(50));
             }
-            Err(source) => {
+            Err(reason) => {
                 return Err(LinkError::Connect {
                     path: path.to_owned(),
-                    source,
+                    reason,
                 });
             }
         }

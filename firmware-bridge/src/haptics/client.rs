@@ -36,6 +36,9 @@ const POSE_PERIOD: Duration = Duration::from_millis(8);
 /// Time between two reports of health.
 const HEALTH_PERIOD: Duration = Duration::from_millis(250);
 
+/// Reason of a connection that ended before its hello: somebody only looked whether we are there.
+pub(crate) const LEFT_EARLY: &str = "left before its hello";
+
 /// How far a viewer has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stage {
@@ -152,6 +155,7 @@ impl Client {
         let mut commands = Vec::new();
         let mut buffer = [0u8; 4096];
         match (&self.stream).read(&mut buffer) {
+            Ok(0) if self.stage == Stage::Greeting => bail!(LEFT_EARLY),
             Ok(0) => bail!("closed its connection"),
             Ok(n) => self.decoder.push(&buffer[..n]),
             Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {}

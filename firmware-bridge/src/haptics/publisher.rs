@@ -5,7 +5,7 @@
     reason = "f64 becomes f32 for the screen"
 )]
 
-use super::client::{Client, News};
+use super::client::{Client, LEFT_EARLY, News};
 use super::mirror::Mirror;
 use super::record::{Record, TickRecord};
 use super::socket;
@@ -188,6 +188,7 @@ impl Publisher {
                     }
                     kept.push(client);
                 }
+                Err(e) if e.to_string() == LEFT_EARLY => self.viewers.connected -= 1,
                 Err(e) => {
                     self.viewers.lost += 1;
                     warn(&format!("viewer '{}': {e:#}", client.name));

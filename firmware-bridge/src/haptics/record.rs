@@ -58,10 +58,14 @@ pub(crate) struct TickRecord {
     pub wake_ns: u64,
     /// Duration of the tick, ns.
     pub duration_ns: u64,
+    /// Of it: reading the device, ns.
+    pub read_ns: u64,
+    /// Of it: the pure step, ns. The rest is writing to the device.
+    pub compute_ns: u64,
     /// Command to acknowledgement, ns, where one came in this tick.
     pub roundtrip_ns: Option<u64>,
     /// Whole periods that were skipped before this tick.
-    pub skipped: u32,
+    pub skipped: u64,
     /// Sequence number of the state used, where it was fresh.
     pub state_seq: Option<u16>,
     /// Gimbal centre in the base frame, mm.

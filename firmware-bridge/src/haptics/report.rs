@@ -87,12 +87,16 @@ pub struct SessionReport {
     pub late_ticks: u64,
     /// The same, second by second.
     pub late_ticks_per_s: Vec<u64>,
-    /// Periods that were skipped because a tick began a whole period late or more.
+    /// Periods that were skipped because a tick began that late.
     pub skipped_periods: u64,
     /// Delay from deadline to start.
     pub wake_us: Quantiles,
     /// Duration of a tick.
     pub tick_us: Quantiles,
+    /// Of a tick: reading the device.
+    pub tick_read_us: Quantiles,
+    /// Of a tick: the pure step.
+    pub tick_compute_us: Quantiles,
     /// Command sent to its acknowledgement seen (includes up to one period at either end).
     pub device_roundtrip_us: Quantiles,
     /// Removed volume, mm³.
@@ -162,6 +166,8 @@ impl SessionReport {
             skipped_periods: stats.skipped_periods,
             wake_us: stats.wake.quantiles(),
             tick_us: stats.tick.quantiles(),
+            tick_read_us: stats.read.quantiles(),
+            tick_compute_us: stats.compute.quantiles(),
             device_roundtrip_us: stats.roundtrip.quantiles(),
             removed_mm3: mm3(totals.units()),
             removed_by_tool_mm3: (facts.tools.iter().zip(totals.by_tool))

@@ -123,26 +123,33 @@ fn beat_until(thread: &mut ServoThread, beat: &mut Beat, stop: &AtomicBool) -> E
             return Ending::Stopped;
         }
         let started = now_ns();
-        match one_beat(thread, beat, deadline, started) {
-            Ok(()) => {}
-            Err(ending) => return ending,
+        let late_ns = started.saturating_sub(deadline);
+        // never piles up: periods that are over are skipped, and counted
+        let skipped = late_ns / PERIOD_NS;
+        let timing = Timing {
+            started,
+            late_ns,
+            skipped,
+        };
+        if let Err(ending) = one_beat(thread, beat, &timing) {
+            return ending;
         }
-        // never piles up: periods that are already over are skipped
-        deadline += PERIOD_NS;
-        let now = now_ns();
-        if now >= deadline + PERIOD_NS {
-            deadline += (now - deadline) / PERIOD_NS * PERIOD_NS;
-        }
+        deadline += (skipped + 1) * PERIOD_NS;
     }
 }
 
-fn one_beat(
-    thread: &mut ServoThread,
-    beat: &mut Beat,
-    deadline: u64,
+/// When a tick began.
+struct Timing {
     started: u64,
-) -> Result<(), Ending> {
+    // after its own deadline, ns; whole periods of it were skipped
+    late_ns: u64,
+    skipped: u64,
+}
+
+fn one_beat(thread: &mut ServoThread, beat: &mut Beat, timing: &Timing) -> Result<(), Ending> {
+    let started = timing.started;
     let fresh = thread.link.poll().map_err(Ending::Link)?;
+    let polled = now_ns();
     let roundtrip_ns = fresh.and_then(|state| acknowledge(beat, &state, started));
     if started.saturating_sub(beat.last_state_ns) > LOST_AFTER_NS {
         return Err(Ending::Silent);
@@ -162,13 +169,16 @@ fn one_beat(
     if thread.panic_at_tick == Some(beat.tick) {
         induced_panic();
     }
+    let computed = now_ns();
     send(thread, beat, &output)?;
     let tick = TickRecord {
         tick: beat.tick,
-        wake_ns: started.saturating_sub(deadline),
+        wake_ns: timing.late_ns,
         duration_ns: 0,
+        read_ns: polled.saturating_sub(started),
+        compute_ns: computed.saturating_sub(polled),
         roundtrip_ns,
-        skipped: u32::try_from(started.saturating_sub(deadline) / PERIOD_NS).unwrap_or(u32::MAX),
+        skipped: timing.skipped,
         state_seq: fresh.filter(|_| output.fresh).map(|s| s.seq),
         stylus_in_base: output.stylus_in_base,
         bone_from_device: output.bone_from_device,

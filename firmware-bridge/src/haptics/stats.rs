@@ -66,6 +66,8 @@ pub(crate) struct Stats {
     pub skipped_periods: u64,
     pub wake: Latency,
     pub tick: Latency,
+    pub read: Latency,
+    pub compute: Latency,
     pub roundtrip: Latency,
     pub peak_force_n: f64,
     pub samples_used: u64,
@@ -83,6 +85,8 @@ impl Stats {
             skipped_periods: 0,
             wake: Latency::new(),
             tick: Latency::new(),
+            read: Latency::new(),
+            compute: Latency::new(),
             roundtrip: Latency::new(),
             peak_force_n: 0.0,
             samples_used: 0,
@@ -95,7 +99,7 @@ impl Stats {
     /// included, so that a stall shows in its own second.
     pub(crate) fn add(&mut self, tick: &TickRecord) {
         self.ticks += 1;
-        self.skipped_periods += u64::from(tick.skipped);
+        self.skipped_periods += tick.skipped;
         let second = ((self.ticks + self.skipped_periods - 1) / 1000) as usize;
         if self.late_per_second.len() <= second {
             self.late_per_second.resize(second + 1, 0);
@@ -106,6 +110,8 @@ impl Stats {
         }
         self.wake.record(tick.wake_ns);
         self.tick.record(tick.duration_ns);
+        self.read.record(tick.read_ns);
+        self.compute.record(tick.compute_ns);
         if let Some(ns) = tick.roundtrip_ns {
             self.roundtrip.record(ns);
         }
