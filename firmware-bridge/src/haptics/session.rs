@@ -142,6 +142,7 @@ fn open_link(device: &str) -> anyhow::Result<Box<dyn DeviceLink>> {
     };
     let mut link = OpenLink::open(path)?;
     link.prepare()?;
+    link.start_relay()?;
     Ok(Box::new(link))
 }
 

@@ -92,6 +92,19 @@ impl Figures<'_> {
         )
     }
 
+    /// What another voxel size than the CT's own costs; nothing where it was not asked for.
+    fn resampling(&self) -> Option<String> {
+        self.0
+            .pointer("/bone/resample_error")
+            .filter(|e| !e.is_null())?;
+        Some(format!(
+            "  resampled   surface off by {} mm RMS, {} mm at most ({} points)",
+            self.number("/bone/resample_error/surface_rms_mm", 3),
+            self.number("/bone/resample_error/surface_max_mm", 3),
+            self.number("/bone/resample_error/surface_points", 0)
+        ))
+    }
+
     fn servo(&self) -> String {
         format!(
             "  servo       {} ticks in {} s, {} late (> 0.5 ms), {} periods skipped\n              \
@@ -144,6 +157,9 @@ fn text(report: &Value, args: &DemoArgs) -> String {
         figures.viewer(),
         format!("  ended       {}", figures.word("/ended")),
     ];
+    if let Some(line) = figures.resampling() {
+        lines.insert(2, line);
+    }
     for (name, file) in [("picture", &args.screenshot), ("json", &args.json)] {
         if let Some(path) = file.as_ref().filter(|p| p.exists()) {
             lines.push(format!("  {name:<11} {}", path.display()));

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! servo thread ── poll/send (never wait) ──▶ OpenLink ──▶ SerialPort ──▶ cable
+//!              ◀── ring of states ── relay thread (may wait) ◀── │
 //! start-up     ── open, prepare (may wait, every wait has an end) ──▶ │
 //! ```
 //! The bytes are those of `WIRE.md`, part 1.
@@ -9,6 +10,8 @@
 mod handshake;
 mod open;
 mod port;
+mod receiver;
+mod relay;
 #[cfg(test)]
 mod tests;
 

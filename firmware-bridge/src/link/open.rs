@@ -1,20 +1,14 @@
 //! The link to a device that speaks Osteon's open protocol on a serial port.
 
 use super::port::SerialPort;
+use super::receiver::{Arrivals, Receiver};
+use super::relay::Relay;
 use super::{DeviceLink, LinkError, LinkStats};
-use osteon_protocol::device::{
-    CommandFrame, DeviceHello, DeviceMessage, DriveState, HostMessage, StateFrame,
-};
-use osteon_protocol::frame::{self, FrameReader, MAX_FRAME, is_newer};
+use osteon_protocol::device::{CommandFrame, DeviceHello, DriveState, HostMessage, StateFrame};
+use osteon_protocol::frame::{self, MAX_FRAME};
 use rustix::io::Errno;
 use std::sync::Arc;
 use std::time::Duration;
-
-/// Most bytes that one poll takes from the cable: 83 state frames.
-const POLL_BYTES: usize = 4096;
-
-/// So many stale states in a row, each newer than the one before: the device counts anew.
-const RESTART_RUN: u32 = 100;
 
 /// Tries to send the disarm message on a full cable, 1 ms apart.
 const DISARM_TRIES: u32 = 20;
@@ -27,27 +21,20 @@ const DISARM_TRIES: u32 = 20;
 pub struct OpenLink {
     pub(super) name: Arc<str>,
     pub(super) hello: DeviceHello,
-    pub(super) stats: LinkStats,
-    port: SerialPort,
-    reader: FrameReader,
-    input: [u8; POLL_BYTES],
+    port: Arc<SerialPort>,
+    incoming: Incoming,
     outbox: Outbox,
-    sequence: Sequence,
+    dropped_commands: u64,
     pub(super) armed: bool,
 }
 
-/// What one look at the cable brought: the newest of each message.
-#[derive(Debug, Default)]
-pub(super) struct Arrivals {
-    pub(super) state: Option<StateFrame>,
-    pub(super) hello: Option<DeviceHello>,
-    pub(super) nonce: Option<u32>,
-    /// Version and schema of a hello that cannot be read further.
-    pub(super) foreign_hello: Option<(u16, u32)>,
-    /// Frames whose CRC matched.
-    pub(super) valid: u32,
-    /// Bytes taken; they are the first ones of the input buffer.
-    pub(super) bytes: usize,
+/// Who reads the cable.
+#[derive(Debug)]
+enum Incoming {
+    /// Whoever calls: the handshake, and tests.
+    Direct(Box<Receiver>),
+    /// A thread.
+    Relayed(Relay),
 }
 
 impl OpenLink {
@@ -55,61 +42,40 @@ impl OpenLink {
     /// Takes at most 2 s.
     pub fn open(path: &str) -> Result<Self, LinkError> {
         let name: Arc<str> = format!("open:{path}").into();
-        let port = SerialPort::open(path, &name)?;
+        let port = Arc::new(SerialPort::open(path, &name)?);
+        let receiver = Receiver::new(Arc::clone(&name), Arc::clone(&port));
         let mut link = Self {
             name,
             hello: NO_HELLO,
-            stats: LinkStats::default(),
             port,
-            reader: FrameReader::new(),
-            input: [0; POLL_BYTES],
+            incoming: Incoming::Direct(Box::new(receiver)),
             outbox: Outbox::default(),
-            sequence: Sequence::default(),
+            dropped_commands: 0,
             armed: false,
         };
         link.shake_hands()?;
         Ok(link)
     }
 
-    /// Takes at most [`POLL_BYTES`] bytes from the cable and sorts what they hold.
+    /// Takes what has come, before the relay runs.
     pub(super) fn receive(&mut self) -> Result<Arrivals, LinkError> {
-        let bytes = match self.port.read(&mut self.input) {
-            Ok(count) => count,
-            Err(errno) => return Err(self.gone(errno)),
-        };
-        let mut arrivals = Arrivals {
-            bytes,
-            ..Arrivals::default()
-        };
-        for &byte in &self.input[..bytes] {
-            let Some(outcome) = self.reader.push_raw(byte) else {
-                continue;
-            };
-            let Ok(payload) = outcome else {
-                self.stats.crc_errors += 1;
-                continue;
-            };
-            arrivals.valid += 1;
-            match frame::message::<DeviceMessage>(payload) {
-                Ok(DeviceMessage::State(state)) => {
-                    if self.sequence.accept(state.seq, &mut self.stats) {
-                        arrivals.state = Some(state);
-                    }
-                }
-                Ok(DeviceMessage::Hello(hello)) => arrivals.hello = Some(hello),
-                Ok(DeviceMessage::Challenge { nonce }) => arrivals.nonce = Some(nonce),
-                Err(_) => {
-                    self.stats.crc_errors += 1;
-                    arrivals.foreign_hello = hello_beginning(payload).or(arrivals.foreign_hello);
-                }
-            }
+        match &mut self.incoming {
+            Incoming::Direct(receiver) => receiver.receive(),
+            Incoming::Relayed(_) => Ok(Arrivals::default()),
         }
-        if self.sequence.restarted() {
-            return Err(LinkError::Restarted {
-                link: Arc::clone(&self.name),
-            });
-        }
-        Ok(arrivals)
+    }
+
+    /// Hands reading over to a thread of its own. Reading an empty terminal line can wait for the
+    /// kernel's own worker, which runs at ordinary priority; the servo thread must not.
+    pub fn start_relay(&mut self) -> Result<(), LinkError> {
+        let placeholder = Receiver::new(Arc::clone(&self.name), Arc::clone(&self.port));
+        let direct = std::mem::replace(&mut self.incoming, Incoming::Direct(Box::new(placeholder)));
+        let Incoming::Direct(receiver) = direct else {
+            self.incoming = direct;
+            return Ok(());
+        };
+        self.incoming = Incoming::Relayed(Relay::start(*receiver)?);
+        Ok(())
     }
 
     /// Sends one message, or drops it when the cable is full: then `false`.
@@ -133,14 +99,19 @@ impl OpenLink {
 
     /// The first bytes of the last [`Self::receive`].
     pub(super) fn input(&self, count: usize) -> &[u8] {
-        &self.input[..count.min(POLL_BYTES)]
+        match &self.incoming {
+            Incoming::Direct(receiver) => receiver.input(count),
+            Incoming::Relayed(_) => &[],
+        }
     }
 
     /// Forgets the counts of the handshake: a session begins with clean ones, in the middle of a
     /// stream whose first piece may have been half a frame.
     pub(super) fn reset_stats(&mut self) {
-        self.stats = LinkStats::default();
-        self.sequence = Sequence::default();
+        self.dropped_commands = 0;
+        if let Incoming::Direct(receiver) = &mut self.incoming {
+            receiver.reset();
+        }
     }
 
     fn gone(&self, errno: Errno) -> LinkError {
@@ -157,13 +128,16 @@ impl DeviceLink for OpenLink {
     }
 
     fn poll(&mut self) -> Result<Option<StateFrame>, LinkError> {
-        Ok(self.receive()?.state)
+        match &mut self.incoming {
+            Incoming::Direct(receiver) => Ok(receiver.receive()?.state),
+            Incoming::Relayed(relay) => relay.poll(),
+        }
     }
 
     fn send(&mut self, command: &CommandFrame) -> Result<(), LinkError> {
         self.armed = true;
         if !self.transmit(HostMessage::Command(*command))? {
-            self.stats.dropped_commands += 1;
+            self.dropped_commands += 1;
         }
         Ok(())
     }
@@ -180,7 +154,14 @@ impl DeviceLink for OpenLink {
     }
 
     fn stats(&self) -> LinkStats {
-        self.stats
+        let received = match &self.incoming {
+            Incoming::Direct(receiver) => receiver.stats,
+            Incoming::Relayed(relay) => relay.stats(),
+        };
+        LinkStats {
+            dropped_commands: self.dropped_commands,
+            ..received
+        }
     }
 
     fn describe(&self) -> String {
@@ -208,55 +189,6 @@ const NO_HELLO: DeviceHello = DeviceHello {
     micro_nm_per_count: 0,
     period_micros: 0,
 };
-
-/// Version and schema of a hello of any version: `WIRE.md` promises that its tag and its first two
-/// fields never move.
-fn hello_beginning(payload: &[u8]) -> Option<(u16, u32)> {
-    match *payload {
-        [0, v0, v1, s0, s1, s2, s3, ..] => Some((
-            u16::from_le_bytes([v0, v1]),
-            u32::from_le_bytes([s0, s1, s2, s3]),
-        )),
-        _ => None,
-    }
-}
-
-/// Guards the order of the states.
-#[derive(Debug, Default)]
-struct Sequence {
-    newest: Option<u16>,
-    // the last stale number, and how many stale ones in a row rose
-    stale: Option<u16>,
-    rising: u32,
-}
-
-impl Sequence {
-    /// Whether state number `seq` is newer than all before; counts what it finds.
-    fn accept(&mut self, seq: u16, stats: &mut LinkStats) -> bool {
-        match self.newest {
-            Some(newest) if !is_newer(seq, newest) => {
-                stats.stale += 1;
-                let rises = self.stale.is_some_and(|stale| is_newer(seq, stale));
-                self.rising = if rises { self.rising + 1 } else { 0 };
-                self.stale = Some(seq);
-                return false;
-            }
-            Some(newest) => stats.gaps += u64::from(seq.wrapping_sub(newest) - 1),
-            None => {}
-        }
-        *self = Self {
-            newest: Some(seq),
-            stale: None,
-            rising: 0,
-        };
-        stats.frames += 1;
-        true
-    }
-
-    fn restarted(&self) -> bool {
-        self.rising >= RESTART_RUN
-    }
-}
 
 /// The frame on its way out. A frame that was begun is finished before another one starts, or the
 /// device would see a torn one.

@@ -57,6 +57,11 @@ impl SerialPort {
         Ok(port)
     }
 
+    /// The descriptor, to wait on.
+    pub(super) fn io(&self) -> &OwnedFd {
+        &self.io
+    }
+
     /// Throws away what is queued in both directions.
     fn discard(&self) {
         // A line that cannot be flushed starts with old bytes, which the framing survives.
