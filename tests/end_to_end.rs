@@ -1,0 +1,155 @@
+//! The whole path: encoder counts to pixels, over a real pty, with every process.
+
+use osteon_tests::{data, json, number, one_at_a_time, run};
+use serde_json::Value;
+use std::path::Path;
+use std::time::Duration;
+
+const OSTEON: &str = env!("CARGO_BIN_EXE_osteon");
+
+/// Runs the demonstration headless with `more` options; its report.
+fn demo(dir: &Path, more: &[&str]) -> Value {
+    let (out, png) = (dir.join("out.json"), dir.join("out.png"));
+    let (out_text, png_text) = (out.display().to_string(), png.display().to_string());
+    let mut args = vec![
+        "demo",
+        "--headless",
+        "--seconds",
+        "20",
+        "--json",
+        &out_text,
+        "--screenshot",
+        &png_text,
+    ];
+    args.extend(more);
+    let output = run(OSTEON, &args, dir, Duration::from_secs(120));
+    let errors = String::from_utf8_lossy(&output.stderr);
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{text}\n{errors}");
+    assert!(text.contains("Osteon session report"), "{text}");
+    json(&out)
+}
+
+/// What holds on every bone.
+fn check(report: &Value) {
+    let n = |pointer: &str| number(report, pointer);
+    assert!(n("/bone/solid_mm3") > 10_000.0);
+    assert!(n("/bone/chunks_active") > 0.0 && n("/bone/chunks_active") < n("/bone/chunks_total"));
+    for axis in 0..3 {
+        assert!(n(&format!("/bone/dims/{axis}")) > 0.0);
+        assert!(n(&format!("/bone/spacing_mm/{axis}")) > 0.0);
+    }
+    assert!(n("/ticks") >= 15_000.0, "{report:#}");
+    assert!((n("/seconds") - 20.0).abs() < 1.0);
+    let late: f64 = report["late_ticks_per_s"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .filter_map(Value::as_f64)
+        .sum();
+    assert!(
+        (late - n("/late_ticks")).abs() < 0.5,
+        "seconds add up to the whole"
+    );
+    for latency in ["wake_us", "tick_us", "device_roundtrip_us"] {
+        let q = ["p50", "p99", "p999", "max"].map(|q| n(&format!("/{latency}/{q}")));
+        assert!(q[0] > 0.0 && q.is_sorted(), "{latency} {q:?}");
+    }
+    let (drill, ream) = (
+        n("/removed_by_tool_mm3/peg_drill"),
+        n("/removed_by_tool_mm3/reamer"),
+    );
+    assert!(ream > 100.0 && drill > 300.0, "{drill} {ream}");
+    assert!((drill + ream - n("/removed_mm3")).abs() < 1e-6);
+    let labels = report["removed_by_label_mm3"].as_object().expect("labels");
+    for (label, mm3) in labels {
+        assert!(label == "1" || label == "0", "label {label}: {mm3}");
+    }
+    assert!(labels["1"].as_f64() > Some(0.99 * (drill + ream)));
+    assert_eq!(
+        report["removed_centroid_lps_mm"].as_array().map(Vec::len),
+        Some(3)
+    );
+    assert!(n("/removed_centroid_off_axis_mm") <= 3.0);
+    let force = n("/peak_force_n");
+    assert!(force > 0.1 && force <= 3.3, "{force}");
+    assert!(n("/pose_rms_mm") <= 0.1 && n("/pose_samples") > 10_000.0);
+    assert!(n("/device/frames") > 15_000.0);
+    assert!(
+        n("/device/crc_errors") < 1.0,
+        "a cable of memory damages nothing"
+    );
+    assert!(n("/device/gaps") >= 0.0 && n("/device/watchdog_trips") >= 0.0);
+    for joint in 0..3 {
+        assert!(n(&format!("/device/last_torque_nmm/{joint}")).abs() < 1e-9);
+    }
+    let digest = &report["digest"];
+    assert!(digest["servo"].is_string());
+    assert_eq!(digest["servo"], digest["publisher"]);
+    assert_eq!(digest["servo"], digest["viewer"]);
+    assert!(n("/digest/changed_chunks") > 0.0);
+    assert!(n("/viewer/updates") > 0.0 && n("/viewer/resyncs") >= 1.0);
+    assert!(n("/viewer/frames_rendered") >= 0.0);
+}
+
+/// The picture shows something; skipped aloud where no adapter draws.
+#[expect(clippy::print_stderr, reason = "a skipped test must be heard")]
+fn check_picture(dir: &Path, report: &Value) {
+    if number(report, "/viewer/frames_rendered") < 1.0 {
+        eprintln!(
+            "SKIPPED the picture: no graphics adapter here (apt install mesa-vulkan-drivers)"
+        );
+        return;
+    }
+    let file = std::fs::File::open(dir.join("out.png")).expect("a picture");
+    let decoder = png::Decoder::new(std::io::BufReader::new(file));
+    let mut reader = decoder.read_info().expect("a PNG");
+    let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
+    let info = reader.next_frame(&mut pixels).expect("pixels");
+    assert_eq!((info.width, info.height), (1280, 720));
+    let step = info.color_type.samples();
+    // bone is light, the background dark
+    let bone = pixels
+        .chunks(step)
+        .filter(|p| p[0] > 120 && p[0] >= p[2])
+        .count();
+    let share = bone as f64 / f64::from(info.width * info.height);
+    assert!((0.02..0.6).contains(&share), "bone covers {share}");
+}
+
+#[test]
+fn the_phantom_is_drilled_and_reamed() {
+    let _turn = one_at_a_time();
+    let dir = tempfile::tempdir().expect("a folder");
+    let report = demo(dir.path(), &[]);
+    check(&report);
+    assert_eq!(report["ended"], "as asked");
+    check_picture(dir.path(), &report);
+}
+
+#[test]
+fn a_real_shoulder_is_drilled_and_reamed_and_the_humerus_spared() {
+    let Some(data) = data("the real shoulder") else {
+        return;
+    };
+    let _turn = one_at_a_time();
+    let dir = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| data.join(name).display().to_string();
+    let report = demo(
+        dir.path(),
+        &[
+            "--bone",
+            &file("right_shoulder_ct.nii.gz"),
+            "--labels",
+            &file("right_shoulder_labels.nii.gz"),
+            "--keep",
+            "1",
+            "--pose",
+            &file("right_glenoid_pose.json"),
+            "--threshold",
+            "120",
+        ],
+    );
+    check(&report);
+    check_picture(dir.path(), &report);
+}

@@ -1,0 +1,107 @@
+//! Whatever ends the haptics process, the torque at the plant goes to zero: seen on the plant.
+
+use osteon_tests::{fake, haptics, one_at_a_time, stroke, text, truth, until};
+use rustix::process::Signal;
+use std::path::Path;
+use std::time::Duration;
+
+const OSTEON: &str = env!("CARGO_BIN_EXE_osteon");
+/// Torque of a firm press, N·mm.
+const PRESSED: f64 = 20.0;
+
+/// A session in which the hand presses; `end` ends the haptics process. The truth afterwards, cut
+/// to what came from the last line with a firm torque on, and the haptics' errors and exit code.
+fn pressed_until(more: &[&str], end: Option<Signal>) -> (Vec<truth::Line>, String, Option<i32>) {
+    let _turn = one_at_a_time();
+    let dir = tempfile::tempdir().expect("a folder");
+    let stroke = stroke::press(dir.path());
+    let mut device = fake(OSTEON, dir.path(), Some(&stroke));
+    let mut haptics = haptics(OSTEON, dir.path(), more);
+    wait_for_press(dir.path());
+    if let Some(signal) = end {
+        haptics.signal(signal);
+    }
+    let status = haptics.wait(Duration::from_secs(30));
+    std::thread::sleep(Duration::from_millis(500));
+    device.signal(Signal::TERM);
+    assert!(device.wait(Duration::from_secs(10)).success());
+    let lines = truth::read(&dir.path().join("truth.csv"));
+    let last = lines
+        .iter()
+        .rposition(|l| l.torque > PRESSED)
+        .expect("a press");
+    (
+        lines[last..].to_vec(),
+        text(dir.path(), "haptics.err"),
+        status.code(),
+    )
+}
+
+fn wait_for_press(dir: &Path) {
+    let path = dir.join("truth.csv");
+    until("a press", Duration::from_secs(30), || {
+        truth::read(&path)
+            .last()
+            .is_some_and(|l| l.torque > PRESSED)
+    });
+}
+
+/// Device time from the last firm torque to the first line from which it stays zero, ms.
+fn stop_time_ms(lines: &[truth::Line]) -> f64 {
+    let zero = lines.iter().rposition(|l| l.torque > 0.5).expect("torque") + 1;
+    assert!(zero < lines.len(), "never zero");
+    (lines[zero].micros - lines[0].micros) as f64 * 1e-3
+}
+
+#[test]
+fn an_asked_for_end_stops_the_motors() {
+    for signal in [Signal::TERM, Signal::INT, Signal::HUP] {
+        let (lines, errors, code) = pressed_until(&[], Some(signal));
+        assert_eq!(code, Some(0), "{errors}");
+        let last = lines.last().expect("lines");
+        assert!(!last.motors_on && last.torque < 1e-9, "{last:?}");
+        assert!(stop_time_ms(&lines) <= 25.0, "{} ms", stop_time_ms(&lines));
+    }
+}
+
+#[test]
+fn a_killed_host_is_caught_by_the_devices_watchdog() {
+    let (lines, _, code) = pressed_until(&[], Some(Signal::KILL));
+    assert_eq!(code, None);
+    assert!(lines.iter().any(|l| l.drive == "tripped"), "a trip");
+    assert!(!lines.last().expect("lines").motors_on);
+    // 20 ms from the last command, which may lie a tick before the last torque, and the lag of the
+    // actuator
+    assert!(stop_time_ms(&lines) <= 25.0, "{} ms", stop_time_ms(&lines));
+}
+
+#[test]
+fn a_panic_in_the_servo_stops_the_motors_and_is_told() {
+    let (lines, errors, code) = pressed_until(&["--panic-at-tick", "5000"], None);
+    assert_eq!(code, Some(1));
+    assert!(errors.contains("induced by --panic-at-tick"), "{errors}");
+    assert!(errors.contains("motors were set to zero"), "{errors}");
+    assert!(!lines.last().expect("lines").motors_on);
+    assert!(stop_time_ms(&lines) <= 25.0, "{} ms", stop_time_ms(&lines));
+}
+
+#[test]
+fn the_end_of_the_session_stops_the_motors() {
+    let (lines, errors, code) = pressed_until(&["--seconds", "6"], None);
+    assert_eq!(code, Some(0), "{errors}");
+    assert!(!lines.last().expect("lines").motors_on);
+    assert!(stop_time_ms(&lines) <= 25.0, "{} ms", stop_time_ms(&lines));
+}
+
+#[test]
+fn a_device_that_goes_away_ends_the_session_with_a_reason() {
+    let _turn = one_at_a_time();
+    let dir = tempfile::tempdir().expect("a folder");
+    let device = fake(OSTEON, dir.path(), None);
+    let mut haptics = haptics(OSTEON, dir.path(), &[]);
+    device.signal(Signal::KILL);
+    let status = haptics.wait(Duration::from_secs(15));
+    let errors = text(dir.path(), "haptics.err");
+    assert_eq!(status.code(), Some(1), "{errors}");
+    assert!(errors.contains("device open:"), "{errors}");
+}
