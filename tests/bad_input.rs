@@ -1,4 +1,5 @@
 //! Bad input: one line on stderr that names what, where and the remedy; exit code not 0.
+#![expect(clippy::expect_used, reason = "what goes wrong here is a failed test")]
 
 use osteon_protocol::device::{DEVICE_SCHEMA, DeviceHello, DeviceMessage};
 use osteon_protocol::frame::{MAX_FRAME, encode};
@@ -44,6 +45,9 @@ fn header(dims: [i16; 3], datatype: i16, spacing: f32) -> Vec<u8> {
     h[344..348].copy_from_slice(b"n+1\0");
     h
 }
+
+/// A file's name, its bytes (none: it is missing), words that the error must hold.
+type Spoilt<'a> = (&'a str, Option<&'a [u8]>, &'a [&'a str]);
 
 /// A cube of bone in air, `n` voxels along each edge.
 fn volume(n: i16) -> Vec<u8> {
@@ -94,7 +98,7 @@ fn volumes_that_cannot_be_read() {
         b.resize(352 + 2 * 4096, 0);
         b
     };
-    let cases: [(&str, Option<&[u8]>, &[&str]); 8] = [
+    let cases: [Spoilt<'_>; 8] = [
         ("missing.nii", None, &["missing.nii"]),
         (
             "truncated.nii",

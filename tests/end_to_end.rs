@@ -1,4 +1,5 @@
 //! The whole path: encoder counts to pixels, over a real pty, with every process.
+#![expect(clippy::expect_used, reason = "what goes wrong here is a failed test")]
 
 use osteon_tests::{data, json, number, one_at_a_time, run};
 use serde_json::Value;
@@ -22,7 +23,7 @@ fn demo(dir: &Path, more: &[&str]) -> Value {
         &png_text,
     ];
     args.extend(more);
-    let output = run(OSTEON, &args, dir, Duration::from_secs(120));
+    let output = run(OSTEON, &args, dir, Duration::from_mins(2));
     let errors = String::from_utf8_lossy(&output.stderr);
     let text = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{text}\n{errors}");

@@ -1,4 +1,5 @@
 //! Whatever ends the haptics process, the torque at the plant goes to zero: seen on the plant.
+#![expect(clippy::expect_used, reason = "what goes wrong here is a failed test")]
 
 use osteon_tests::{fake, haptics, one_at_a_time, stroke, text, truth, until};
 use rustix::process::Signal;

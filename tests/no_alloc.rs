@@ -1,4 +1,5 @@
 //! The servo's tick allocates nothing, once it runs.
+#![expect(clippy::expect_used, reason = "what goes wrong here is a failed test")]
 #![expect(
     unsafe_code,
     reason = "an allocator that counts can only be written so"

@@ -1,4 +1,9 @@
 //! The house rules that a compiler does not check.
+#![expect(
+    clippy::expect_used,
+    clippy::panic,
+    reason = "what goes wrong here is a failed test"
+)]
 
 use osteon_tests::workspace;
 use std::path::{Path, PathBuf};

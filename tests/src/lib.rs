@@ -179,7 +179,7 @@ pub fn haptics(program: &str, dir: &Path, more: &[&str]) -> Running {
     args.extend(more);
     let haptics = Running::start(program, &args, dir, "haptics");
     let out = dir.join("haptics.out");
-    until("the servo", Duration::from_secs(60), || {
+    until("the servo", Duration::from_mins(1), || {
         std::fs::read_to_string(&out).is_ok_and(|text| text.contains("1 kHz"))
     });
     haptics
