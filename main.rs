@@ -10,10 +10,12 @@ use std::process::ExitCode;
 /// the viewer; a scripted hand drills a peg hole and reams the glenoid of a built-in scapula.
 /// A training simulator, not a medical device.
 #[derive(Debug, Parser)]
-#[command(name = "osteon", version)]
+#[command(name = "osteon", version, args_conflicts_with_subcommands = true)]
 struct Cli {
     #[command(subcommand)]
     task: Option<Task>,
+    #[command(flatten)]
+    demo: launcher::DemoArgs,
 }
 
 #[derive(Debug, Subcommand)]
@@ -30,20 +32,13 @@ enum Task {
     Doctor(doctor::DoctorArgs),
 }
 
-#[derive(Debug, Parser)]
-struct DefaultDemo {
-    #[command(flatten)]
-    args: launcher::DemoArgs,
-}
-
 #[expect(
     clippy::print_stderr,
     reason = "the error line of a command-line program"
 )]
 fn main() -> ExitCode {
-    let task = Cli::parse()
-        .task
-        .unwrap_or_else(|| Task::Demo(DefaultDemo::parse_from(["osteon"]).args));
+    let cli = Cli::parse();
+    let task = cli.task.unwrap_or(Task::Demo(cli.demo));
     if matches!(task, Task::Demo(_) | Task::View(_) | Task::Doctor(_)) {
         osteon_viewer::prepare();
     }

@@ -104,7 +104,7 @@ pub struct TickOutput {
 pub struct ServoSetup {
     /// The bone.
     pub bone: Arc<Bone>,
-    /// Tools, at most [`MAX_TOOLS`]; at least one.
+    /// Tools, at most [`crate::cut::MAX_TOOLS`]; at least one.
     pub tools: Vec<Tool>,
     /// Registration ([`crate::register::bone_from_base`]).
     pub bone_from_base: Pose,

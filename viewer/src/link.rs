@@ -20,6 +20,8 @@ const READ_BYTES: usize = 64 * 1024;
 const PATIENCE: Duration = Duration::from_secs(3);
 /// Longest name that the hello carries, bytes.
 const NAME_BYTES: usize = 200;
+/// The haptics process has gone without a word.
+const CLOSED: &str = "was closed without a farewell; look at the haptics process's last lines";
 
 /// Why the link could not be made or has ended.
 #[derive(Debug, thiserror::Error)]
@@ -243,11 +245,11 @@ impl Reader {
         loop {
             let count =
                 match incoming.read(&mut bytes) {
-                    Ok(0) => return self.failed(
-                        "was closed without a farewell; look at the haptics process's last lines",
-                    ),
+                    Ok(0) => return self.failed(CLOSED),
                     Ok(count) => count,
                     Err(e) if e.kind() == ErrorKind::Interrupted => continue,
+                    // a peer that dies with our words unread resets the connection
+                    Err(e) if e.kind() == ErrorKind::ConnectionReset => return self.failed(CLOSED),
                     Err(e) => {
                         return self.failed(&format!(
                             "broke ({e}); look at the haptics process's last lines"
