@@ -243,19 +243,18 @@ impl Reader {
         let mut bytes = vec![0; READ_BYTES];
         let mut greeted = false;
         loop {
-            let count =
-                match incoming.read(&mut bytes) {
-                    Ok(0) => return self.failed(CLOSED),
-                    Ok(count) => count,
-                    Err(e) if e.kind() == ErrorKind::Interrupted => continue,
-                    // a peer that dies with our words unread resets the connection
-                    Err(e) if e.kind() == ErrorKind::ConnectionReset => return self.failed(CLOSED),
-                    Err(e) => {
-                        return self.failed(&format!(
-                            "broke ({e}); look at the haptics process's last lines"
-                        ));
-                    }
-                };
+            let count = match incoming.read(&mut bytes) {
+                Ok(0) => return self.failed(CLOSED),
+                Ok(count) => count,
+                Err(e) if e.kind() == ErrorKind::Interrupted => continue,
+                // a peer that dies with our words unread resets the connection
+                Err(e) if e.kind() == ErrorKind::ConnectionReset => return self.failed(CLOSED),
+                Err(e) => {
+                    return self.failed(&format!(
+                        "broke ({e}); look at the haptics process's last lines"
+                    ));
+                }
+            };
             decoder.push(&bytes[..count]);
             loop {
                 match decoder.next::<ToViewer>() {

@@ -30,7 +30,7 @@ pub(crate) struct Globals {
 }
 
 /// Shortest step of a ray, in voxels: bounds the work of a grazing one.
-const SHORTEST_STEP: f64 = 0.2;
+const SHORTEST_STEP: f64 = 0.4;
 
 impl Globals {
     /// The numbers of one picture; without a bone only the background is drawn.
