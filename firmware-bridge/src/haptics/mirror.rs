@@ -5,6 +5,7 @@ use super::record::{COPY_VALUES, Record};
 use osteon_sim_core::bone::Bone;
 use osteon_sim_core::carve::{CarveStep, carve};
 use osteon_sim_core::cut::Cut;
+use osteon_sim_core::grid::BRICKS_PER_CHUNK;
 use osteon_sim_core::merge::{CopyPlace, merge};
 use osteon_sim_core::tool::Tool;
 use std::sync::Arc;
@@ -49,6 +50,33 @@ impl Mirror {
                 }
             }
         }
+    }
+
+    /// Takes over the whole cut of a servo that has stopped while bricks were still owed.
+    pub(crate) fn catch_up(
+        &mut self,
+        truth: &Cut,
+        tool: u8,
+        changed: &mut impl FnMut(usize, usize),
+    ) {
+        if truth.epoch() != self.cut.epoch() {
+            self.cut.reset(truth.epoch());
+        }
+        for chunk in 0..self.bone.chunk_count() {
+            for brick in 0..BRICKS_PER_CHUNK {
+                let place = CopyPlace {
+                    chunk,
+                    brick,
+                    first: 0,
+                    tool,
+                };
+                let values = truth.brick(chunk, brick);
+                if values.is_some_and(|v| merge(&self.bone, &mut self.cut, place, v)) {
+                    changed(chunk, brick);
+                }
+            }
+        }
+        self.cut.set_revision(truth.revision());
     }
 
     fn carve(&mut self, step: &CarveStep, changed: &mut impl FnMut(usize, usize)) {

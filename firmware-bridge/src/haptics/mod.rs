@@ -16,6 +16,8 @@ mod servo_loop;
 mod session;
 pub mod socket;
 mod stats;
+#[cfg(test)]
+mod tests;
 
 pub use report::SessionReport;
 pub use stats::{LATE_NS, Quantiles};

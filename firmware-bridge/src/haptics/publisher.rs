@@ -91,6 +91,21 @@ impl Publisher {
         }
     }
 
+    /// Takes over what the servo still owed when it stopped.
+    pub(crate) fn catch_up(&mut self, truth: &Cut) {
+        let tool = self.stats.last.map_or(0, |t| t.tool);
+        let clients = &mut self.clients;
+        let reset = truth.epoch() != self.mirror.cut.epoch();
+        for client in clients.iter_mut().filter(|_| reset) {
+            client.reset(truth.epoch());
+        }
+        self.mirror.catch_up(truth, tool, &mut |chunk, brick| {
+            for client in clients.iter_mut() {
+                client.dirty.mark(chunk, brick);
+            }
+        });
+    }
+
     fn take(&mut self, record: &Record) {
         let clients = &mut self.clients;
         self.mirror.apply(record, &mut |chunk, brick| {

@@ -65,6 +65,7 @@ impl Resync {
     pub(crate) fn forget(&mut self) {
         self.owed.fill(0);
         self.behind = false;
+        self.owed_reset = false;
         self.next_part = 0;
         self.cursor = 0;
     }
@@ -98,8 +99,7 @@ impl Resync {
                 }
             }
         }
-        // a part already sent may have changed since: begin the round anew
-        self.cursor = 0;
+        // a part of the brick under way may have changed since: begin that brick anew
         self.next_part = 0;
     }
 

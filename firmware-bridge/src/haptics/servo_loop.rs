@@ -48,11 +48,13 @@ pub(crate) struct ServoThread {
 pub(crate) struct Finished {
     pub servo: Servo,
     pub link: Box<dyn DeviceLink>,
+    /// Bricks are still owed to the publisher.
+    pub behind: bool,
     pub ending: Ending,
 }
 
 /// Loop-local state that outlives a tick.
-struct Beat {
+pub(super) struct Beat {
     tick: u64,
     command_seq: u16,
     last_ack: u16,
@@ -64,14 +66,7 @@ struct Beat {
 
 /// Runs until `stop`, an error or a panic; then turns the motors off.
 pub(crate) fn run(mut thread: ServoThread, stop: &AtomicBool) -> Finished {
-    let mut beat = Beat {
-        tick: 0,
-        command_seq: 0,
-        last_ack: 0,
-        last_state: None,
-        last_state_ns: now_ns(),
-        sent_ns: [0; 256],
-    };
+    let mut beat = Beat::new();
     let outcome = catch_unwind(AssertUnwindSafe(|| {
         beat_until(&mut thread, &mut beat, stop)
     }));
@@ -83,6 +78,7 @@ pub(crate) fn run(mut thread: ServoThread, stop: &AtomicBool) -> Finished {
     Finished {
         servo: thread.servo,
         link: thread.link,
+        behind: thread.resync.is_behind(),
         ending,
     }
 }
@@ -139,14 +135,34 @@ fn beat_until(thread: &mut ServoThread, beat: &mut Beat, stop: &AtomicBool) -> E
 }
 
 /// When a tick began.
-struct Timing {
-    started: u64,
-    // after its own deadline, ns; whole periods of it were skipped
-    late_ns: u64,
-    skipped: u64,
+pub(super) struct Timing {
+    /// On the monotonic clock, ns.
+    pub(super) started: u64,
+    /// After its own deadline, ns; whole periods of it were skipped.
+    pub(super) late_ns: u64,
+    /// How many.
+    pub(super) skipped: u64,
 }
 
-fn one_beat(thread: &mut ServoThread, beat: &mut Beat, timing: &Timing) -> Result<(), Ending> {
+impl Beat {
+    /// Before the first tick.
+    pub(super) fn new() -> Self {
+        Self {
+            tick: 0,
+            command_seq: 0,
+            last_ack: 0,
+            last_state: None,
+            last_state_ns: now_ns(),
+            sent_ns: [0; 256],
+        }
+    }
+}
+
+pub(super) fn one_beat(
+    thread: &mut ServoThread,
+    beat: &mut Beat,
+    timing: &Timing,
+) -> Result<(), Ending> {
     let started = timing.started;
     let fresh = thread.link.poll().map_err(Ending::Link)?;
     let polled = now_ns();

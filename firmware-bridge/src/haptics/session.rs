@@ -269,6 +269,9 @@ fn finish(
     while !publisher.records.is_empty() {
         publisher.drain();
     }
+    if finished.behind {
+        publisher.catch_up(finished.servo.cut());
+    }
     let bone = &scene.bone;
     let servo_digest = finished.servo.cut().digest(bone);
     let mirror_digest = publisher.mirror.cut.digest(bone);
