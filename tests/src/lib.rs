@@ -11,15 +11,31 @@ pub mod stroke;
 pub mod truth;
 
 use serde_json::Value;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// One servo loop at a time: a machine with two cores has no room for two.
-pub fn one_at_a_time() -> MutexGuard<'static, ()> {
+/// The right to run a servo loop; given back when it is dropped.
+#[derive(Debug)]
+pub struct Turn {
+    _here: MutexGuard<'static, ()>,
+    _machine: File,
+}
+
+/// One servo loop at a time, on the whole machine: two cores have no room for two.
+pub fn one_at_a_time() -> Turn {
     static TURN: Mutex<()> = Mutex::new(());
-    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+    let here = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let user = rustix::process::geteuid().as_raw();
+    let path = std::env::temp_dir().join(format!("osteon-tests-{user}.lock"));
+    let machine = File::create(path).expect("a lock file");
+    machine.lock().expect("a lock");
+    Turn {
+        _here: here,
+        _machine: machine,
+    }
 }
 
 /// Real data: `OSTEON_DATA`, else `../shared/data` beside the workspace. Where it is missing the
@@ -57,7 +73,7 @@ impl Running {
     /// Starts `program` with `args`; output goes to `NAME.out` and `NAME.err` in `dir`.
     pub fn start(program: &str, args: &[&str], dir: &Path, name: &str) -> Self {
         let file = |ending: &str| {
-            std::fs::File::create(dir.join(format!("{name}.{ending}"))).expect("a file")
+            File::create(dir.join(format!("{name}.{ending}"))).expect("a file")
         };
         let child = Command::new(program)
             .args(args)
@@ -111,6 +127,24 @@ impl Drop for Running {
         self.child.kill().unwrap_or(());
         drop(self.child.wait());
     }
+}
+
+/// The processes that a process has started and that still run.
+pub fn children(id: u32) -> Vec<u32> {
+    std::fs::read_to_string(format!("/proc/{id}/task/{id}/children"))
+        .expect("children")
+        .split_whitespace()
+        .map(|child| child.parse().expect("a process number"))
+        .collect()
+}
+
+/// Whether a process runs: it exists and is no zombie.
+pub fn alive(id: u32) -> bool {
+    std::fs::read_to_string(format!("/proc/{id}/stat")).is_ok_and(|stat| {
+        // the name is in parentheses and may hold anything
+        stat.rsplit_once(") ")
+            .is_some_and(|(_, rest)| !rest.starts_with(['Z', 'X']))
+    })
 }
 
 /// Runs a program to its end, at most `limit`.

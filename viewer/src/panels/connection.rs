@@ -29,10 +29,11 @@ pub(crate) fn show(ui: &mut egui::Ui, status: &Status) {
                 tinted(&format!("{} trips", health.watchdog_trips), true),
             );
         }
-        if !health.note.is_empty() {
-            row(ui, "note", RichText::new(&health.note).color(WARNING));
-        }
     });
+    // whole, not cut: it says why there is no force and what to do
+    if let Some(health) = status.health.as_ref().filter(|h| !h.note.is_empty()) {
+        ui.label(RichText::new(&health.note).color(WARNING));
+    }
     if !status.complaint.is_empty() {
         ui.label(RichText::new(&status.complaint).color(FAILURE));
     }

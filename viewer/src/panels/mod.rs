@@ -142,12 +142,16 @@ fn heading(ui: &mut egui::Ui, text: &str) {
     ui.separator();
 }
 
+/// Height of a row of facts, points: so that all of them fit into a window 720 high.
+const ROW: f32 = 15.0;
+
 /// A grid of names and values.
 fn table(ui: &mut egui::Ui, name: &str, rows: impl FnOnce(&mut egui::Ui)) {
     egui::Grid::new(name)
         .num_columns(2)
         .min_col_width(74.0)
-        .spacing([8.0, 2.0])
+        .min_row_height(ROW)
+        .spacing([8.0, 1.0])
         .show(ui, rows);
 }
 

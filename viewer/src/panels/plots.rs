@@ -4,7 +4,12 @@ use super::Status;
 use crate::history::PLOT_S;
 use crate::palette::{DEPTH, FAILURE, FORCE};
 use egui::{Color32, RichText};
-use egui_plot::{HLine, Line, LineStyle, Plot, PlotPoints};
+use egui_plot::{HLine, Line, LineStyle, Plot, PlotPoints, PlotUi};
+
+/// Height above the joint face that the depth plot shows, mm.
+const MOST_AIR_MM: f64 = 8.0;
+/// Depth that it shows, mm.
+const MOST_DEPTH_MM: f64 = 40.0;
 
 /// Shows both plots side by side.
 pub(crate) fn show(ui: &mut egui::Ui, status: &Status) {
@@ -18,7 +23,8 @@ pub(crate) fn show(ui: &mut egui::Ui, status: &Status) {
             FORCE,
         );
         let points = series(status, |p| p.force_n);
-        plot("force", 0.0, limit * 1.15).show(left, |plot| {
+        plot("force").show(left, |plot| {
+            frame(plot, -0.05 * limit, 1.15 * limit);
             let line = HLine::new("limit", limit)
                 .color(FAILURE)
                 .style(LineStyle::dashed_loose());
@@ -33,7 +39,8 @@ pub(crate) fn show(ui: &mut egui::Ui, status: &Status) {
         );
         let points = series(status, |p| p.depth_mm);
         let (lo, hi) = range(status);
-        plot("depth", lo, hi).show(right, |plot| {
+        plot("depth").show(right, |plot| {
+            frame(plot, lo, hi);
             plot.hline(HLine::new("joint face", 0.0).color(Color32::from_gray(0x80)));
             plot.line(Line::new("depth", points).color(DEPTH).width(1.5));
         });
@@ -44,7 +51,7 @@ fn title(ui: &mut egui::Ui, text: &str, colour: Color32) {
     ui.label(RichText::new(text).color(colour).strong());
 }
 
-fn plot(name: &'static str, lo: f64, hi: f64) -> Plot<'static> {
+fn plot(name: &'static str) -> Plot<'static> {
     Plot::new(name)
         .show_x(false)
         .allow_drag(false)
@@ -52,10 +59,12 @@ fn plot(name: &'static str, lo: f64, hi: f64) -> Plot<'static> {
         .allow_scroll(false)
         .allow_boxed_zoom(false)
         .x_axis_formatter(|mark, _| format!("{:.0} s", mark.value))
-        .include_x(-PLOT_S)
-        .include_x(0.0)
-        .include_y(lo)
-        .include_y(hi)
+}
+
+/// The last seconds, and values from `lo` to `hi`.
+fn frame(plot: &mut PlotUi<'_>, lo: f64, hi: f64) {
+    plot.set_plot_bounds_x(-PLOT_S..=0.02 * PLOT_S);
+    plot.set_plot_bounds_y(lo..=hi);
 }
 
 /// Points over seconds before now.
@@ -68,9 +77,12 @@ fn series(status: &Status, value: impl Fn(&crate::history::Point) -> f64) -> Plo
         .collect()
 }
 
-/// Lowest and highest depth, at least 5 mm apart.
+/// Depths to show: where bone can be, not the way through the air.
 fn range(status: &Status) -> (f64, f64) {
     let depths = status.points.iter().map(|p| p.depth_mm);
     let (lo, hi) = depths.fold((0.0_f64, 0.0_f64), |(lo, hi), d| (lo.min(d), hi.max(d)));
-    (lo, hi.max(lo + 5.0))
+    (
+        (lo - 1.0).max(-MOST_AIR_MM),
+        (hi + 1.0).clamp(5.0, MOST_DEPTH_MM),
+    )
 }

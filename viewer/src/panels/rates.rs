@@ -36,7 +36,8 @@ pub(crate) fn show(ui: &mut egui::Ui, status: &Status) {
     ui.add_space(2.0);
     egui::Grid::new("quantiles")
         .num_columns(5)
-        .spacing([8.0, 2.0])
+        .min_row_height(super::ROW)
+        .spacing([8.0, 1.0])
         .show(ui, |ui| {
             for title in ["µs", "p50", "p99", "p99.9", "max"] {
                 ui.label(RichText::new(title).color(egui::Color32::from_gray(0xa8)));

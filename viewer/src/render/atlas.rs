@@ -18,7 +18,7 @@ use glam::DVec3;
 use osteon_sim_core::grid::BRICK;
 
 /// Where the bricks are, for the shader.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct AtlasLayout {
     /// Voxel spacing, mm.
     pub(crate) spacing_mm: DVec3,
@@ -32,6 +32,10 @@ pub(crate) struct AtlasLayout {
     pub(crate) index_dims: [i32; 4],
     /// Tiles of the atlases along each axis.
     pub(crate) tiles: [u32; 4],
+    /// Middles of all bricks, bone frame, mm.
+    pub(crate) centres_mm: Vec<DVec3>,
+    /// Half the diagonal of a brick, mm.
+    pub(crate) brick_radius_mm: f64,
 }
 
 impl AtlasLayout {
@@ -43,6 +47,8 @@ impl AtlasLayout {
         index_lo: [0; 4],
         index_dims: [1; 4],
         tiles: [1; 4],
+        centres_mm: Vec::new(),
+        brick_radius_mm: 0.0,
     };
 }
 
@@ -184,6 +190,11 @@ fn layout_of(model: &Model, tiles: [u32; 3]) -> AtlasLayout {
         index_lo: extend(lo.map(|n| n as i32)),
         index_dims: extend(dims.map(|n| n as i32)),
         tiles: [tiles[0], tiles[1], tiles[2], 0],
+        centres_mm: map
+            .coords(&model.bone)
+            .map(|brick| corner(brick) + 0.5 * BRICK as f64 * spacing)
+            .collect(),
+        brick_radius_mm: 0.5 * BRICK as f64 * spacing.length(),
     }
 }
 

@@ -14,11 +14,23 @@ struct Pixel { @location(0) colour: vec4f, @builtin(frag_depth) depth: f32 };
 struct Sample { value: vec2f, tile: u32, uvw: vec3f };
 struct Hit { found: bool, t: f32 };
 
+// One square of the picture per instance (x in the low half, y in the high half), two triangles.
 @vertex
-fn vertex_main(@builtin(vertex_index) i: u32) -> Screen {
+fn vertex_main(@builtin(vertex_index) i: u32, @location(0) square: u32) -> Screen {
+    let corner = array(vec2u(0, 0), vec2u(0, 1), vec2u(1, 0), vec2u(1, 0), vec2u(0, 1), vec2u(1, 1))[i];
+    let at = vec2f(vec2u(square & 0xffffu, square >> 16u) + corner) * globals.square.xy;
+    let ndc = vec2f(at.x - 1.0, 1.0 - at.y);
+    return Screen(vec4f(ndc, 1.0, 1.0), ndc);
+}
+
+@vertex
+fn background_vertex(@builtin(vertex_index) i: u32) -> Screen {
     let corner = vec2f(f32(i32(i & 1u) * 4 - 1), f32(i32(i >> 1u) * 4 - 1));
     return Screen(vec4f(corner, 1.0, 1.0), corner);
 }
+
+@fragment
+fn background_fragment(screen: Screen) -> @location(0) vec4f { return background(screen.ndc); }
 
 // Voxel coordinates moved by a half, so that brick k covers [8k, 8k + 8) on each axis.
 fn voxel_of(p: vec3f) -> vec3f { return p / globals.spacing.xyz + 0.5; }
@@ -163,7 +175,6 @@ fn background(ndc: vec2f) -> vec4f {
 @fragment
 fn fragment_main(screen: Screen) -> Pixel {
     let nothing = Pixel(background(screen.ndc), 1.0);
-    if globals.ray_z.w < 0.5 { return nothing; }
     let eye = globals.eye.xyz;
     var direction = globals.ray_z.xyz + globals.ray_x.xyz * screen.ndc.x + globals.ray_y.xyz * screen.ndc.y;
     direction = normalize(direction);

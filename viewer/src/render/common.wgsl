@@ -5,7 +5,7 @@ struct Globals {
     eye: vec4f,         // xyz: eye, mm; w: 1 = cast shadows
     ray_x: vec4f,       // xyz: right, scaled to the picture's half width at unit depth; w: shortest step, mm
     ray_y: vec4f,       // xyz: up, scaled likewise; w: band, mm
-    ray_z: vec4f,       // xyz: forward, unit; w: 1 = a bone is loaded
+    ray_z: vec4f,       // xyz: forward, unit
     spacing: vec4f,     // xyz: voxel spacing, mm
     box_lo: vec4f,      // xyz: corner of the indexed box, mm
     box_hi: vec4f,
@@ -15,6 +15,7 @@ struct Globals {
     key_light: vec4f,   // xyz: towards the light, unit
     fill_light: vec4f,
     up: vec4f,
+    square: vec4f,      // xy: edge of a square of the picture in clip units
 };
 
 @group(0) @binding(0) var<uniform> globals: Globals;

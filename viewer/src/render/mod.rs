@@ -7,6 +7,7 @@ pub(crate) mod atlas;
 pub(crate) mod blit;
 pub(crate) mod bone;
 pub(crate) mod target;
+pub(crate) mod tiles;
 pub(crate) mod tool;
 pub(crate) mod uniforms;
 
@@ -107,12 +108,17 @@ impl Renderer {
             self.tool_pass
                 .place(&self.queue, clip_from_bone, &bone_from_tool);
         }
+        if let Some(atlas) = &self.atlas {
+            self.bone_pass
+                .aim(&self.device, &self.queue, view, atlas.layout());
+        }
         let mut encoder = self
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = self.target.begin(&mut encoder);
             pass.set_bind_group(0, &self.globals_group, &[]);
+            self.bone_pass.draw_background(&mut pass);
             if let Some(atlas) = &self.atlas {
                 self.bone_pass.draw(&mut pass, atlas);
                 if let Some((index, _)) = view.tool {

@@ -27,10 +27,11 @@ pub(crate) struct Globals {
     key_light: [f32; 4],
     fill_light: [f32; 4],
     up: [f32; 4],
+    square: [f32; 4],
 }
 
 /// Shortest step of a ray, in voxels: bounds the work of a grazing one.
-const SHORTEST_STEP: f64 = 0.4;
+const SHORTEST_STEP: f64 = 0.2;
 
 impl Globals {
     /// The numbers of one picture; without a bone only the background is drawn.
@@ -46,12 +47,13 @@ impl Globals {
             let v = axes.right * x + axes.up * y - axes.forward * z;
             v.try_normalize().unwrap_or(DVec3::Z)
         };
+        let square = |n: u32| 2.0 * f64::from(super::tiles::EDGE) / f64::from(n.max(1));
         Self {
             clip_from_bone: view.camera.clip_from_bone(view.aspect()).to_cols_array_2d(),
             eye: with(axes.eye, if view.shadows { 1.0 } else { 0.0 }),
             ray_x: with(axes.right * half.x, shortest),
             ray_y: with(axes.up * half.y, spacing.length()),
-            ray_z: with(axes.forward, if atlas.is_some() { 1.0 } else { 0.0 }),
+            ray_z: with(axes.forward, 0.0),
             spacing: with(spacing, 0.0),
             box_lo: with(layout.box_lo_mm, 0.0),
             box_hi: with(layout.box_hi_mm, 0.0),
@@ -61,6 +63,10 @@ impl Globals {
             key_light: with(light(-0.45, 0.62, 0.80), 0.0),
             fill_light: with(light(0.8, -0.25, 0.5), 0.0),
             up: with(axes.up, 0.0),
+            square: with(
+                DVec3::new(square(view.size[0]), square(view.size[1]), 0.0),
+                0.0,
+            ),
         }
     }
 }
