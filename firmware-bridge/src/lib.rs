@@ -3,7 +3,8 @@
 //! * [`link`]: devices on a cable; [`fake`]: a simulated one as a process of its own.
 //! * [`scene`]: a bone from a CT or from the built-in phantom.
 //! * [`haptics`]: the servo thread, its publisher, its sessions; [`rt`]: what it asks of the system.
-//! * [`launcher`]: the demonstration; [`doctor`]: what this machine can do.
+//! * [`launcher`]: the demonstration; [`doctor`]: what this machine can do; [`stop`]: how a process is asked to
+//!   end.
 //!
 //! **Invariants.** No graphics crate and no async runtime in this crate's tree. The servo thread
 //! allocates nothing, takes no lock, opens and logs nothing once it runs; nothing that a viewer does
@@ -17,3 +18,4 @@ pub mod link;
 pub mod progress;
 pub mod rt;
 pub mod scene;
+pub mod stop;

@@ -11,7 +11,6 @@ use osteon_protocol::device::{DeviceMessage, HostMessage};
 use osteon_protocol::frame::{FrameReader, MAX_FRAME, encode};
 use std::io::Write as _;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// One above the servo's: the device must not starve under its host's load.
@@ -110,15 +109,7 @@ pub fn run(args: &FakeArgs) -> anyhow::Result<()> {
     if args.die_with_parent {
         rt::die_with_parent().context("fake-omni: cannot follow the starting process")?;
     }
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [
-        signal_hook::consts::SIGINT,
-        signal_hook::consts::SIGTERM,
-        signal_hook::consts::SIGHUP,
-    ] {
-        signal_hook::flag::register(signal, Arc::clone(&stop))
-            .context("fake-omni: cannot watch for signals")?;
-    }
+    let stop = crate::stop::on_signals()?;
     if args.link.is_none() {
         private_dir(&runtime_dir())?;
     }

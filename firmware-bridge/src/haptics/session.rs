@@ -17,6 +17,7 @@ use crate::link::{DeviceLink, OpenLink};
 use crate::progress::Progress;
 use crate::rt::{self, RtReport};
 use crate::scene::{self, Scene};
+use crate::stop;
 use anyhow::{Context as _, anyhow, bail};
 use osteon_protocol::ipc::{Digest, ToViewer, ToolInfo};
 use osteon_sim_core::contact::ContactConfig;
@@ -49,7 +50,7 @@ pub(crate) fn run(args: &HapticsArgs) -> anyhow::Result<()> {
     if args.die_with_parent {
         rt::die_with_parent().context("cannot ask to end with the parent process")?;
     }
-    let stop = signals()?;
+    let stop = stop::on_signals()?;
     let tools = Tool::standard_set();
     let mut progress = Progress::new("loading bone");
     let scene = scene::load(&args.scene, &mut |stage, share| progress.show(stage, share))?;
@@ -110,16 +111,6 @@ fn with_listener(
     ));
     serve_until_end(args, stop, &mut publisher, &running);
     finish(args, tools, scene, publisher, running)
-}
-
-fn signals() -> anyhow::Result<Arc<AtomicBool>> {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&stop))
-            .context("cannot listen for signals")?;
-    }
-    Ok(stop)
 }
 
 fn pose_log(args: &HapticsArgs) -> anyhow::Result<Option<Box<dyn Write + Send>>> {

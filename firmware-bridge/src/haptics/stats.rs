@@ -1,6 +1,7 @@
 //! Counters and latency quantiles of a session, kept by the publisher.
 
 use super::record::TickRecord;
+use crate::fake::truth::drive_name;
 use hdrhistogram::Histogram;
 use osteon_protocol::device::DriveState;
 use osteon_protocol::ipc::Health;
@@ -157,19 +158,6 @@ impl Stats {
             guard_events: last.map_or(0, |t| t.guard_events),
             note: last.map(note).unwrap_or_default(),
         }
-    }
-}
-
-fn drive_name(drive: DriveState) -> &'static str {
-    match drive {
-        DriveState::Boot => "boot",
-        DriveState::Unhomed => "unhomed",
-        DriveState::Homed => "homed",
-        DriveState::Armed => "armed",
-        DriveState::Active => "active",
-        DriveState::Hold => "hold",
-        DriveState::Tripped => "tripped",
-        DriveState::Fault => "fault",
     }
 }
 

@@ -8,12 +8,12 @@ use super::{DemoArgs, Screen};
 use crate::haptics::socket::{private_dir, runtime_dir};
 use crate::progress::Progress;
 use crate::scene::{self, SceneArgs};
+use crate::stop;
 use anyhow::{Context as _, anyhow, bail};
 use rustix::process::Signal;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{ExitStatus, Stdio};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -68,7 +68,7 @@ enum ViewerMode {
 }
 
 pub(crate) fn run(args: &DemoArgs, screen: &Screen) -> anyhow::Result<()> {
-    let stop = signals()?;
+    let stop = stop::on_signals()?;
     let mode = viewer_mode(args, screen);
     let files = Files::new(args)?;
     let mut progress = Progress::new("planning");
@@ -87,16 +87,6 @@ pub(crate) fn run(args: &DemoArgs, screen: &Screen) -> anyhow::Result<()> {
         bail!("the haptics process ended with {haptics}; its reason is above");
     }
     Ok(())
-}
-
-fn signals() -> anyhow::Result<Arc<AtomicBool>> {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&stop))
-            .context("cannot listen for signals")?;
-    }
-    Ok(stop)
 }
 
 fn viewer_mode(args: &DemoArgs, screen: &Screen) -> ViewerMode {
