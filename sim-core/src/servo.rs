@@ -27,6 +27,8 @@ pub const MAX_SUBSTEPS: usize = 8;
 const MAX_ACCELERATION_MM_MS2: f64 = 2.0;
 /// Implausible samples in a row after which the new place is believed.
 const RESYNC_AFTER: u32 = 5;
+/// A hand that moved less than this during a gap goes on where it was, mm.
+const GAP_TRUST_MM: f64 = 10.0;
 /// A tool that appears deeper than this in bone is embedded: no force until it is free, mm.
 const EMBEDDED_MM: f64 = 0.25;
 /// Spindle run-up, s.
@@ -202,7 +204,7 @@ impl Servo {
             }
             None => DVec3::ZERO,
         };
-        if self.missing >= ZERO_TICKS {
+        if self.missing >= ZERO_TICKS && self.moved_in_gap(position) {
             self.start_over();
         }
         self.implausible_run = 0;
@@ -214,6 +216,13 @@ impl Servo {
         self.angles = angles;
         self.bone_from_device = self.setup.bone_from_base.then(&base_from_stylus);
         Some(velocity)
+    }
+
+    /// Whether the hand is somewhere else after a gap. If not, the proxy stays where it was: it alone
+    /// knows on which side of the bone the tool is. (The force has been zero and ramps up.)
+    fn moved_in_gap(&self, position: DVec3) -> bool {
+        self.track
+            .is_none_or(|track| (position - track.position).length() > GAP_TRUST_MM)
     }
 
     fn press_buttons(&mut self, buttons: u8) {

@@ -227,6 +227,48 @@ fn a_device_that_falls_silent_gets_no_torque_after_twenty_ticks() {
 }
 
 #[test]
+fn a_gap_in_mid_cut_costs_the_force_for_a_moment_and_no_more() {
+    // the hand is more than a millimetre deeper than the tool that it presses: that is no embedded tool
+    let (mut rig, surface) = warmed(1.9);
+    rig.tick_at(surface + DVec3::Z * 10.0, &[Request::Spindle(true)]);
+    rig.glide(surface + DVec3::Z * 10.0, surface, 20.0);
+    let hand = surface - DVec3::Z * 4.0;
+    let before = rig.rest(hand, 700);
+    assert!(
+        before.force_n.z > 0.5 && before.carved_len > 0,
+        "{}",
+        before.force_n
+    );
+    for _ in 0..25 {
+        rig.time_micros = rig.time_micros.wrapping_add(1000);
+        rig.servo.tick(None, &[]);
+    }
+    let first = rig.tick_at(hand, &[]);
+    assert!(
+        !first.embedded && first.force_n.length() < 0.1,
+        "{}",
+        first.force_n
+    );
+    let moved = first.bone_from_tool.translation - before.bone_from_tool.translation;
+    assert!(moved.length() < 0.01, "{moved}");
+    let after = rig.rest(hand, 60);
+    assert!(
+        after.force_n.z > 0.5 * before.force_n.z,
+        "{}",
+        after.force_n
+    );
+    let later = rig.rest(hand, 1000);
+    assert!(later.removed_by_class[3] > after.removed_by_class[3]);
+    // a hand that is elsewhere after the gap begins anew
+    for _ in 0..25 {
+        rig.time_micros = rig.time_micros.wrapping_add(1000);
+        rig.servo.tick(None, &[]);
+    }
+    let elsewhere = rig.tick_at(hand - DVec3::Z * 12.0, &[]);
+    assert!(elsewhere.embedded && elsewhere.carved_len == 0);
+}
+
+#[test]
 fn tools_that_do_not_exist_are_ignored() {
     let (mut rig, surface) = warmed(1.9);
     let out = rig.tick_at(surface + DVec3::Z * 10.0, &[Request::SelectTool(200)]);

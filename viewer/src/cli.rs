@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 /// Shows a session of the haptics process, in a window or in a picture.
 #[derive(Debug, Clone, clap::Args)]
 pub struct ViewArgs {
-    /// Socket of the haptics process [default: haptics.sock in the user's runtime directory].
+    /// Socket of the haptics process.
     #[arg(long, value_name = "PATH", default_value_os_t = default_socket())]
     pub socket: PathBuf,
     /// Open no window; write the last state of the session to this PNG.

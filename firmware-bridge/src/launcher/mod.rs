@@ -23,7 +23,7 @@ pub struct DemoArgs {
     /// No window: the viewer process draws offscreen
     #[arg(long)]
     pub headless: bool,
-    /// Length of the session, s; the hand needs 16
+    /// Length of the session, s; the hand needs 18
     #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = crate::haptics::positive)]
     pub seconds: f64,
     /// Write the session report as JSON
