@@ -51,7 +51,10 @@ pub struct OutputChain {
     ramp: f64,
     ramp_ticks: u32,
     velocity_mm_s: DVec3,
+    // the last force that a sample gave
     last_n: DVec3,
+    // the last force that went out, smaller while samples are missing
+    shown_n: DVec3,
     /// What it had to do so far.
     pub counts: GuardCounts,
 }
@@ -65,6 +68,7 @@ impl OutputChain {
             ramp_ticks: START_RAMP_TICKS,
             velocity_mm_s: DVec3::ZERO,
             last_n: DVec3::ZERO,
+            shown_n: DVec3::ZERO,
             counts: GuardCounts::default(),
         }
     }
@@ -79,6 +83,7 @@ impl OutputChain {
         self.ramp = 0.0;
         self.ramp_ticks = ramp_ticks.max(1);
         self.last_n = DVec3::ZERO;
+        self.shown_n = DVec3::ZERO;
         self.velocity_mm_s = DVec3::ZERO;
     }
 
@@ -100,6 +105,7 @@ impl OutputChain {
             self.counts.clamped += 1;
         }
         self.last_n = self.slew(force);
+        self.shown_n = self.last_n;
         self.last_n
     }
 
@@ -115,7 +121,8 @@ impl OutputChain {
             return DVec3::ZERO;
         }
         let left = f64::from(ZERO_TICKS - missing) / f64::from(ZERO_TICKS - HOLD_TICKS);
-        self.last_n * left
+        self.shown_n = self.last_n * left;
+        self.shown_n
     }
 
     fn finite(&mut self, v: DVec3) -> DVec3 {
@@ -129,9 +136,9 @@ impl OutputChain {
 
     // falling along its own direction is free, all else moves at most SLEW_N_PER_TICK
     fn slew(&mut self, force: DVec3) -> DVec3 {
-        let last = self.last_n.length();
+        let last = self.shown_n.length();
         let fallen = if last > 0.0 {
-            let unit = self.last_n / last;
+            let unit = self.shown_n / last;
             unit * force.dot(unit).clamp(0.0, last)
         } else {
             DVec3::ZERO
@@ -205,6 +212,20 @@ mod tests {
         // and back only over the gap ramp
         let first = chain.step(DVec3::X * 3.0, DVec3::ZERO).x;
         assert!(first <= 3.3 / f64::from(GAP_RAMP_TICKS) + 1e-12, "{first}");
+    }
+
+    #[test]
+    fn after_a_short_gap_the_force_rises_from_what_was_shown() {
+        for gap in [6, 12, 19] {
+            let mut chain = settled(3.3);
+            for _ in 0..20 {
+                chain.step(DVec3::X * 3.3, DVec3::ZERO);
+            }
+            let shown = (1..=gap).map(|n| chain.hold(n)).last().expect("a gap");
+            let next = chain.step(DVec3::X * 3.3, DVec3::ZERO);
+            let rise = next.x - shown.x;
+            assert!(rise <= SLEW_N_PER_TICK + 1e-12, "gap {gap}: {rise}");
+        }
     }
 
     #[test]

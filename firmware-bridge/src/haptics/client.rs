@@ -190,6 +190,9 @@ impl Client {
                 updates,
                 resyncs,
             } => {
+                if !self.asked_digest {
+                    bail!("sent a digest unasked");
+                }
                 self.report = Some(ViewerReport {
                     digest,
                     frames_rendered,

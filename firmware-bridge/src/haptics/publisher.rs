@@ -12,6 +12,7 @@ use super::socket;
 use super::stats::Stats;
 use glam::DVec3;
 use interprocess::local_socket::Listener;
+use osteon_protocol::device::DriveState;
 use osteon_protocol::ipc::{
     Command, Digest, Health, PoseUpdate, RemovalEvent, Scene, ToViewer, WirePose,
 };
@@ -140,6 +141,12 @@ impl Publisher {
                 }
             }
             Record::Tick(tick) => {
+                let before = self.stats.last.and_then(|t| t.drive);
+                if tick.drive == Some(DriveState::Fault) && before != tick.drive {
+                    warn(
+                        "the device has a fault: its motors are off; look at the device, then start anew",
+                    );
+                }
                 self.stats.add(tick);
                 self.log_pose(tick);
             }
@@ -148,11 +155,11 @@ impl Publisher {
     }
 
     fn log_pose(&mut self, tick: &TickRecord) {
-        let (Some(log), Some(seq)) = (&mut self.pose_log, tick.state_seq) else {
+        let (Some(log), Some((seq, micros))) = (&mut self.pose_log, tick.state) else {
             return;
         };
         let p = tick.stylus_in_base;
-        if let Err(e) = writeln!(log, "{},{seq},{},{},{}", tick.tick, p.x, p.y, p.z) {
+        if let Err(e) = writeln!(log, "{},{seq},{micros},{},{},{}", tick.tick, p.x, p.y, p.z) {
             warn(&format!("pose log: {e}; it ends here"));
             self.pose_log = None;
         }
@@ -205,7 +212,11 @@ impl Publisher {
                 }
                 Err(e) if e.to_string() == LEFT_EARLY => self.viewers.connected -= 1,
                 Err(e) => {
-                    self.viewers.lost += 1;
+                    if client.is_live() {
+                        self.viewers.lost += 1;
+                    } else {
+                        self.viewers.refused += 1;
+                    }
                     warn(&format!("viewer '{}': {e:#}", client.name));
                 }
             }

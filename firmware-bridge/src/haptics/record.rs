@@ -66,8 +66,8 @@ pub(crate) struct TickRecord {
     pub roundtrip_ns: Option<u64>,
     /// Whole periods that were skipped before this tick.
     pub skipped: u64,
-    /// Sequence number of the state used, where it was fresh.
-    pub state_seq: Option<u16>,
+    /// Number and device time (µs) of the state used, where it was fresh.
+    pub state: Option<(u16, u32)>,
     /// Gimbal centre in the base frame, mm.
     pub stylus_in_base: DVec3,
     pub bone_from_device: Pose,

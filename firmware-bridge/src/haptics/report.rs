@@ -66,6 +66,8 @@ pub struct DigestReport {
     pub publisher: String,
     /// The viewer's; absent where none answered.
     pub viewer: Option<String>,
+    /// Viewers whose digest is another one.
+    pub strayed_viewers: usize,
     /// Chunks with a cut.
     pub changed_chunks: u32,
     /// Resets.
@@ -135,12 +137,15 @@ pub(crate) struct Facts<'a> {
     pub tools: &'a [Tool],
     pub stats: &'a Stats,
     pub servo_digest: CutDigest,
-    pub mirror: &'a Cut,
+    /// The servo's, when it had stopped.
+    pub cut: &'a Cut,
     pub mirror_digest: CutDigest,
     pub link_name: String,
     pub link: LinkStats,
     pub viewers: ViewerCounts,
     pub viewer: Option<super::client::ViewerReport>,
+    /// Viewers whose last digest is not the servo's.
+    pub strayed: usize,
     pub seconds: f64,
     pub realtime_refused: Vec<String>,
     pub ended: String,
@@ -149,7 +154,7 @@ pub(crate) struct Facts<'a> {
 impl SessionReport {
     pub(crate) fn new(facts: &Facts<'_>) -> Self {
         let grid = facts.scene.bone.grid();
-        let totals = facts.mirror.totals();
+        let totals = facts.cut.totals();
         let mm3 = |units: i64| Cut::mm3(grid, units);
         let centroid = totals.centroid(grid);
         let plan_from_bone = facts.scene.bone_from_plan.inverse();
@@ -200,7 +205,7 @@ impl SessionReport {
     /// True where all digests that exist are equal.
     pub fn digests_agree(&self) -> bool {
         let d = &self.digest;
-        d.servo == d.publisher && d.viewer.as_ref().is_none_or(|v| *v == d.servo)
+        d.servo == d.publisher && d.strayed_viewers == 0
     }
 }
 
@@ -222,7 +227,7 @@ impl Facts<'_> {
         ViewerReport {
             frames_rendered: last.map_or(0, |v| v.frames_rendered),
             updates: last.map_or(0, |v| v.updates),
-            resyncs: self.viewers.connected,
+            resyncs: self.viewers.connected.saturating_sub(self.viewers.refused),
             connected: self.viewers.connected,
             lost: self.viewers.lost,
             refused: self.viewers.refused,
@@ -235,6 +240,7 @@ impl Facts<'_> {
             servo: hex(wire_digest(self.servo_digest)),
             publisher: hex(wire_digest(self.mirror_digest)),
             viewer: self.viewer.map(|v| hex(v.digest)),
+            strayed_viewers: self.strayed,
             changed_chunks: self.servo_digest.changed_chunks,
             epoch: self.servo_digest.epoch,
             revision: self.servo_digest.revision,

@@ -52,9 +52,14 @@ impl Resync {
         self.overflows
     }
 
-    /// True while bricks are owed: carved steps are then marked, not sent, until all is copied.
+    /// True while bricks are owed.
     pub(crate) fn is_behind(&self) -> bool {
         self.behind
+    }
+
+    /// True while a reset is owed: nothing that was carved after it may be sent before it.
+    pub(crate) fn owes_reset(&self) -> bool {
+        self.owed_reset
     }
 
     pub(crate) fn count_lost_tick(&mut self) {

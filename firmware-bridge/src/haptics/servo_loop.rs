@@ -29,6 +29,8 @@ pub(crate) enum Ending {
     Link(LinkError),
     /// The device stopped sending.
     Silent,
+    /// The device has lost its homing: it was restarted.
+    Restarted,
     /// A bug: the message of the panic.
     Panicked(String),
 }
@@ -78,7 +80,8 @@ pub(crate) fn run(mut thread: ServoThread, stop: &AtomicBool) -> Finished {
     Finished {
         servo: thread.servo,
         link: thread.link,
-        behind: thread.resync.is_behind(),
+        // a panic may lie between carving and telling
+        behind: thread.resync.is_behind() || !matches!(ending, Ending::Stopped),
         ending,
     }
 }
@@ -170,14 +173,9 @@ pub(super) fn one_beat(
     if started.saturating_sub(beat.last_state_ns) > LOST_AFTER_NS {
         return Err(Ending::Silent);
     }
-    let mut requests = [Request::Pause(false); MAX_REQUESTS];
-    let mut count = 0;
-    while count < MAX_REQUESTS {
-        let Ok(request) = thread.requests.pop() else {
-            break;
-        };
-        requests[count] = request;
-        count += 1;
+    let (requests, count) = take_requests(&mut thread.requests);
+    if fresh.is_some_and(|s| matches!(s.drive, DriveState::Boot | DriveState::Unhomed)) {
+        return Err(Ending::Restarted);
     }
     let sample = fresh.map(|state| sample_of(&state));
     let epoch_before = thread.servo.cut().epoch();
@@ -186,7 +184,7 @@ pub(super) fn one_beat(
         induced_panic();
     }
     let computed = now_ns();
-    send(thread, beat, &output)?;
+    let sent = send(thread, beat, &output);
     let tick = TickRecord {
         tick: beat.tick,
         wake_ns: timing.late_ns,
@@ -195,7 +193,9 @@ pub(super) fn one_beat(
         compute_ns: computed.saturating_sub(polled),
         roundtrip_ns,
         skipped: timing.skipped,
-        state_seq: fresh.filter(|_| output.fresh).map(|s| s.seq),
+        state: fresh
+            .filter(|_| output.fresh)
+            .map(|s| (s.seq, s.time_micros)),
         stylus_in_base: output.stylus_in_base,
         bone_from_device: output.bone_from_device,
         bone_from_tool: output.bone_from_tool,
@@ -216,9 +216,24 @@ pub(super) fn one_beat(
         link: thread.link.stats(),
         ring_overflows: thread.resync.overflows(),
     };
+    // what was carved is told even where the command did not go out
     publish(thread, &output, epoch_before, tick, started);
     beat.tick += 1;
-    Ok(())
+    sent
+}
+
+/// At most [`MAX_REQUESTS`]; the rest waits for the next tick.
+fn take_requests(ring: &mut Consumer<Request>) -> ([Request; MAX_REQUESTS], usize) {
+    let mut requests = [Request::Pause(false); MAX_REQUESTS];
+    let mut count = 0;
+    while count < MAX_REQUESTS {
+        let Ok(request) = ring.pop() else {
+            break;
+        };
+        requests[count] = request;
+        count += 1;
+    }
+    (requests, count)
 }
 
 #[expect(
@@ -291,7 +306,8 @@ fn publish(
             tick: tick.tick,
             step: *step,
         };
-        if resync.is_behind() || records.push(record).is_err() {
+        // the cut is a minimum: steps and copies may mix; only a reset that is owed goes first
+        if resync.owes_reset() || records.push(record).is_err() {
             resync.mark(servo, step);
         }
     }

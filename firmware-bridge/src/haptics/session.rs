@@ -20,6 +20,7 @@ use crate::scene::{self, Scene};
 use crate::stop;
 use anyhow::{Context as _, anyhow, bail};
 use osteon_protocol::ipc::{Digest, ToViewer, ToolInfo};
+use osteon_protocol::ipc_frame::clip;
 use osteon_sim_core::contact::ContactConfig;
 use osteon_sim_core::register::bone_from_base;
 use osteon_sim_core::servo::{DeviceScale, Servo, ServoSetup};
@@ -75,12 +76,15 @@ fn with_listener(
     listener: interprocess::local_socket::Listener,
 ) -> anyhow::Result<()> {
     let pose_log = pose_log(args)?;
-    let link = open_link(&args.device)?;
-    let link_name = link.describe();
+    if stop.load(Ordering::Relaxed) {
+        bail!("asked to end before the session began");
+    }
+    let mut link = open_link(&args.device)?;
+    let link_name = clip(&link.describe()).to_owned();
     let (record_in, record_out) = rtrb::RingBuffer::new(RING_RECORDS);
     let (request_in, request_out) = rtrb::RingBuffer::new(64);
     let contact = ContactConfig::default();
-    let servo = make_servo(args, scene, tools, link.as_ref(), contact)?;
+    let servo = make_servo(args, scene, tools, &link, contact)?;
     let mut publisher = Publisher {
         mirror: Mirror::new(Arc::clone(&scene.bone), tools.to_vec()),
         stats: Stats::new(),
@@ -95,10 +99,13 @@ fn with_listener(
         clients: Vec::new(),
         viewers: ViewerCounts::default(),
     };
+    let resync = Resync::new(&scene.bone, tools.to_vec());
+    link.prepare()?;
+    link.start_relay()?;
     let thread = ServoThread {
-        resync: Resync::new(&scene.bone, tools.to_vec()),
+        resync,
         servo,
-        link,
+        link: Box::new(link),
         records: record_in,
         requests: request_out,
         panic_at_tick: args.panic_at_tick,
@@ -118,7 +125,7 @@ fn pose_log(args: &HapticsArgs) -> anyhow::Result<Option<Box<dyn Write + Send>>>
         return Ok(None);
     };
     let mut log = BufWriter::new(create(path)?);
-    writeln!(log, "tick,state_seq,x_mm,y_mm,z_mm")?;
+    writeln!(log, "tick,state_seq,time_micros,x_mm,y_mm,z_mm")?;
     Ok(Some(Box::new(log)))
 }
 
@@ -126,15 +133,12 @@ fn create(path: &Path) -> anyhow::Result<File> {
     File::create(path).with_context(|| format!("{}: cannot write", path.display()))
 }
 
-/// Opens the device that `--device` names and brings it to Armed.
-fn open_link(device: &str) -> anyhow::Result<Box<dyn DeviceLink>> {
+/// Opens the device that `--device` names; it is armed later, when all memory has been written.
+fn open_link(device: &str) -> anyhow::Result<OpenLink> {
     let Some(path) = device.strip_prefix("open:") else {
         bail!("--device {device}: unknown kind; give open:PATH, for example open:/dev/ttyACM0");
     };
-    let mut link = OpenLink::open(path)?;
-    link.prepare()?;
-    link.start_relay()?;
-    Ok(Box::new(link))
+    Ok(OpenLink::open(path)?)
 }
 
 fn make_servo(
@@ -172,7 +176,7 @@ fn make_servo(
 fn wire_scene(scene: &Scene, tools: &[Tool], force_limit_n: f64) -> osteon_protocol::ipc::Scene {
     let grid = scene.bone.grid();
     osteon_protocol::ipc::Scene {
-        source: scene.source.clone(),
+        source: clip(&scene.source).to_owned(),
         dims: grid.dims.map(|n| n as u32),
         spacing_mm: grid.spacing_mm.to_array(),
         lps_from_bone: wire_pose(scene.bone.lps_from_bone()),
@@ -276,12 +280,18 @@ fn finish(
         tools,
         stats: &publisher.stats,
         servo_digest,
-        mirror: &publisher.mirror.cut,
+        cut: finished.servo.cut(),
         mirror_digest,
         link_name: finished.link.describe(),
         link: finished.link.stats(),
         viewers: publisher.viewers,
         viewer,
+        strayed: publisher
+            .clients
+            .iter()
+            .filter_map(|c| c.report)
+            .filter(|r| r.digest != wire_digest(servo_digest))
+            .count(),
         seconds,
         realtime_refused: running.refused,
         ended: failure.clone().unwrap_or_else(|| "as asked".to_owned()),
@@ -310,6 +320,10 @@ fn failure(ending: &Ending) -> Option<String> {
         Ending::Silent => {
             Some("the device sent nothing for 1 s; check its power and cable".to_owned())
         }
+        Ending::Restarted => Some(
+            "the device was restarted in the session and has lost its homing; dock the stylus and start anew"
+                .to_owned(),
+        ),
         Ending::Panicked(message) => Some(format!(
             "the servo thread panicked ({message}); the motors were set to zero; please report this"
         )),
@@ -331,7 +345,7 @@ fn last_digests(publisher: &mut Publisher, digest: Digest) -> Option<ViewerRepor
 
 fn goodbye(publisher: &mut Publisher, reason: &str) {
     let bye = ToViewer::Bye {
-        reason: reason.to_owned(),
+        reason: clip(reason).to_owned(),
     };
     for client in &mut publisher.clients {
         if let Err(e) = client.say(&bye) {

@@ -8,7 +8,7 @@ use interprocess::local_socket::{
 };
 use rustix::process::geteuid;
 use std::fs::{self, DirBuilder};
-use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _};
+use std::os::unix::fs::{DirBuilderExt as _, FileTypeExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 
 /// The user's private directory for sockets and links ([`osteon_protocol::ipc::private_dir`]).
@@ -45,15 +45,23 @@ pub fn private_dir(dir: &Path) -> anyhow::Result<()> {
 /// Opens the socket at `path`, whose directory is made private. A socket that a live process holds
 /// is left alone.
 pub(crate) fn listen(path: &Path) -> anyhow::Result<Listener> {
-    if let Some(dir) = path.parent().filter(|d| !d.as_os_str().is_empty()) {
-        private_dir(dir)?;
-    }
+    use interprocess::local_socket::traits::Stream as _;
+    let dir = match path.parent() {
+        Some(dir) if !dir.as_os_str().is_empty() => dir,
+        _ => Path::new("."),
+    };
+    private_dir(dir)?;
     let name = || {
         path.to_fs_name::<GenericFilePath>()
             .with_context(|| format!("socket {}: not a usable path", path.display()))
     };
-    if path.exists() {
-        use interprocess::local_socket::traits::Stream as _;
+    if let Ok(meta) = fs::symlink_metadata(path) {
+        if !meta.file_type().is_socket() {
+            bail!(
+                "socket {}: a file of that name exists and is no socket; give another --socket",
+                path.display()
+            );
+        }
         if Stream::connect(name()?).is_ok() {
             bail!(
                 "socket {}: another haptics process is listening there; end it or give --socket",

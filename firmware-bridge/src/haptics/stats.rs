@@ -99,7 +99,8 @@ impl Stats {
     /// Takes one tick into account. Seconds are counted in periods of the servo, skipped ones
     /// included, so that a stall shows in its own second.
     pub(crate) fn add(&mut self, tick: &TickRecord) {
-        self.ticks += 1;
+        // records may have been lost to a full ring, ticks not
+        self.ticks = tick.tick + 1;
         self.skipped_periods += tick.skipped;
         let second = ((self.ticks + self.skipped_periods - 1) / 1000) as usize;
         if self.late_per_second.len() <= second {
@@ -116,7 +117,7 @@ impl Stats {
         if let Some(ns) = tick.roundtrip_ns {
             self.roundtrip.record(ns);
         }
-        self.samples_used += u64::from(tick.state_seq.is_some());
+        self.samples_used += u64::from(tick.state.is_some());
         self.peak_force_n = self.peak_force_n.max(tick.force_n.length());
         if tick.drive.is_some() && self.first_trips.is_none() {
             self.first_trips = Some(tick.trips);

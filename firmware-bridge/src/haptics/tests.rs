@@ -198,6 +198,25 @@ fn a_full_ring_is_recovered_from_brick_by_brick() {
 }
 
 #[test]
+fn a_mirror_catches_up_while_the_tool_keeps_cutting() {
+    let mut pair = Pair::new(2048);
+    pair.run(3000);
+    assert!(pair.thread.resync.is_behind());
+    // the descent goes on until tick 4000: all is copied before it ends
+    for _ in 0..90 {
+        pair.drain(usize::MAX);
+        pair.run(10);
+    }
+    pair.drain(usize::MAX);
+    assert!(!pair.thread.resync.is_behind());
+    let carved = pair.thread.servo.cut().revision();
+    pair.run(5);
+    assert!(pair.thread.servo.cut().revision() > carved, "still cutting");
+    pair.drain(usize::MAX);
+    pair.assert_equal();
+}
+
+#[test]
 fn resets_that_find_the_ring_full_are_not_lost() {
     let mut pair = Pair::new(2048);
     pair.run(3800);

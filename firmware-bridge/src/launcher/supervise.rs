@@ -79,12 +79,33 @@ pub(crate) fn run(args: &DemoArgs, screen: &Screen) -> anyhow::Result<()> {
     let stroke_file = files.path("stroke.json");
     std::fs::write(&stroke_file, serde_json::to_vec_pretty(&stroke)?)
         .with_context(|| format!("{}: cannot write", stroke_file.display()))?;
-    let mut session = Session::start(args, &files, mode)?;
+    if let Some(picture) = &args.screenshot {
+        check_writable(picture)?;
+    }
+    let mut session = Session::start(args, &files, mode, &stop)?;
     let haptics = session.watch(args, &files, &stop)?;
     let viewer = session.end(haptics);
     report::write(args, &files, viewer.as_ref())?;
     if !haptics.success() {
         bail!("the haptics process ended with {haptics}; its reason is above");
+    }
+    if let Some(status) = viewer.filter(|status| !status.success()) {
+        bail!("the viewer ended with {status}; its reason is above");
+    }
+    Ok(())
+}
+
+/// A picture that cannot be written is told before the session, not after it.
+fn check_writable(path: &Path) -> anyhow::Result<()> {
+    let folder = match path.parent() {
+        Some(dir) if !dir.as_os_str().is_empty() => dir,
+        _ => Path::new("."),
+    };
+    if !folder.is_dir() {
+        bail!(
+            "--screenshot {}: the folder does not exist; make it or give another path",
+            path.display()
+        );
     }
     Ok(())
 }
@@ -114,9 +135,11 @@ fn viewer_mode(args: &DemoArgs, screen: &Screen) -> ViewerMode {
 }
 
 struct Session {
-    device: Process,
+    // dropped in this order: haptics, viewer, device
     haptics: Process,
     viewer: Option<Process>,
+    viewer_status: Option<ExitStatus>,
+    device: Process,
     viewer_args: Vec<String>,
     mode: ViewerMode,
     restarts: u32,
@@ -127,16 +150,22 @@ fn text(path: &Path) -> String {
 }
 
 impl Session {
-    fn start(args: &DemoArgs, files: &Files, mode: ViewerMode) -> anyhow::Result<Self> {
+    fn start(
+        args: &DemoArgs,
+        files: &Files,
+        mode: ViewerMode,
+        stop: &AtomicBool,
+    ) -> anyhow::Result<Self> {
         let device = start_device(files)?;
         let mut haptics = Process::start("haptics", &haptics_args(args, files), Stdio::inherit())?;
-        await_socket(&mut haptics, &files.path("haptics.sock"))?;
+        await_socket(&mut haptics, &files.path("haptics.sock"), stop)?;
         let viewer_args = viewer_args(args, files, mode);
         let viewer = Process::start("viewer", &viewer_args, Stdio::inherit())?;
         Ok(Self {
             device,
             haptics,
             viewer: Some(viewer),
+            viewer_status: None,
             viewer_args,
             mode,
             restarts: 0,
@@ -206,6 +235,7 @@ impl Session {
         let Some(status) = self.viewer.as_mut().and_then(Process::ended) else {
             return Ok(false);
         };
+        self.viewer_status = Some(status);
         if ending || !files.path("haptics.sock").exists() {
             return Ok(false);
         }
@@ -230,7 +260,11 @@ impl Session {
 
     /// Ends viewer and device; the viewer's status.
     fn end(mut self, _haptics: ExitStatus) -> Option<ExitStatus> {
-        let viewer = self.viewer.as_mut().and_then(|v| v.wait(END_TIMEOUT));
+        let viewer = self
+            .viewer
+            .as_mut()
+            .and_then(|v| v.wait(END_TIMEOUT))
+            .or(self.viewer_status);
         self.device.signal(Signal::TERM);
         self.device.wait(END_TIMEOUT);
         viewer
@@ -346,11 +380,14 @@ fn viewer_args(args: &DemoArgs, files: &Files, mode: ViewerMode) -> Vec<String> 
     list
 }
 
-fn await_socket(haptics: &mut Process, socket: &Path) -> anyhow::Result<()> {
+fn await_socket(haptics: &mut Process, socket: &Path, stop: &AtomicBool) -> anyhow::Result<()> {
     let began = Instant::now();
     while !socket.exists() {
         if let Some(status) = haptics.ended() {
             bail!("the haptics process ended with {status}; its reason is above");
+        }
+        if stop.load(Ordering::Relaxed) {
+            bail!("asked to end before the session began");
         }
         if began.elapsed() > SOCKET_TIMEOUT {
             bail!("the haptics process did not open its socket within 5 minutes");

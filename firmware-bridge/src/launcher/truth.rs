@@ -44,45 +44,25 @@ fn rows(path: &Path, columns: &[&str]) -> anyhow::Result<Vec<Vec<f64>>> {
     Ok(rows)
 }
 
-/// Counts up a 16-bit sequence over its wraps.
-struct Unwrap {
-    last: Option<u16>,
-    high: u64,
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "written as a whole number; a cast of anything else saturates"
+)]
+fn micros(time: f64) -> u64 {
+    time as u64
 }
 
-impl Unwrap {
-    fn next(&mut self, seq: f64) -> u64 {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "written as a 16-bit number; a cast of anything else saturates"
-        )]
-        let seq = seq as u16;
-        if self.last.is_some_and(|last| seq < last) {
-            self.high += 1 << 16;
-        }
-        self.last = Some(seq);
-        self.high + u64::from(seq)
-    }
-}
-
-/// Joins host and truth by the state's sequence number.
+/// Joins host and truth by the device's time.
 pub(crate) fn pose_error(host: &Path, truth: &Path) -> anyhow::Result<PoseError> {
-    let mut unwrap = Unwrap {
-        last: None,
-        high: 0,
-    };
-    let truth: BTreeMap<u64, [f64; 3]> = rows(truth, &["seq", "x_mm", "y_mm", "z_mm"])?
+    let columns = ["time_micros", "x_mm", "y_mm", "z_mm"];
+    let truth: BTreeMap<u64, [f64; 3]> = rows(truth, &columns)?
         .iter()
-        .map(|r| (unwrap.next(r[0]), [r[1], r[2], r[3]]))
+        .map(|r| (micros(r[0]), [r[1], r[2], r[3]]))
         .collect();
-    let mut unwrap = Unwrap {
-        last: None,
-        high: 0,
-    };
     let (mut sum, mut max, mut samples) = (0.0, 0.0f64, 0u64);
-    for row in rows(host, &["state_seq", "x_mm", "y_mm", "z_mm"])? {
-        let Some(t) = truth.get(&unwrap.next(row[0])) else {
+    for row in rows(host, &columns)? {
+        let Some(t) = truth.get(&micros(row[0])) else {
             continue;
         };
         let d2: f64 = (0..3).map(|a| (row[a + 1] - t[a]).powi(2)).sum();
@@ -92,7 +72,7 @@ pub(crate) fn pose_error(host: &Path, truth: &Path) -> anyhow::Result<PoseError>
     }
     ensure!(
         samples > 0,
-        "no state number is in both the host's pose log and the device's ground truth"
+        "no state is in both the host's pose log and the device's ground truth"
     );
     Ok(PoseError {
         rms_mm: (sum / samples as f64).sqrt(),
@@ -113,15 +93,15 @@ mod tests {
     use std::fmt::Write as _;
 
     #[test]
-    fn a_planted_offset_is_found_across_the_wrap() {
+    fn a_planted_offset_is_found() {
         let dir = tempfile::tempdir().expect("dir");
         let (host, truth) = (dir.path().join("h.csv"), dir.path().join("t.csv"));
         let mut t = String::from("time_micros,seq,x_mm,y_mm,z_mm\n");
-        let mut h = String::from("tick,state_seq,x_mm,y_mm,z_mm\n");
+        let mut h = String::from("tick,state_seq,time_micros,x_mm,y_mm,z_mm\n");
         for n in 65_000u32..66_000 {
             writeln!(t, "{},{},{n},0,0", n * 1000, n % 65_536).expect("write");
             if n % 3 == 0 {
-                writeln!(h, "{n},{},{n},0.3,0.4", n % 65_536).expect("write");
+                writeln!(h, "{n},{},{},{n},0.3,0.4", n % 65_536, n * 1000).expect("write");
             }
         }
         h.push_str("9,5,1");
