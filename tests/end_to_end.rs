@@ -1,15 +1,17 @@
 //! The whole path: encoder counts to pixels, over a real pty, with every process.
 #![expect(clippy::expect_used, reason = "what goes wrong here is a failed test")]
 
-use osteon_tests::{data, json, number, one_at_a_time, run};
+use glam::DVec3;
+use osteon_firmware_bridge::scene::{SceneArgs, load};
+use osteon_tests::{data, json, number, one_at_a_time, run, skipped};
 use serde_json::Value;
 use std::path::Path;
 use std::time::Duration;
 
 const OSTEON: &str = env!("CARGO_BIN_EXE_osteon");
 
-/// Runs the demonstration headless with `more` options; its report.
-fn demo(dir: &Path, more: &[&str]) -> Value {
+/// Runs the demonstration headless with `more` options; its report, and what it said.
+fn demo(dir: &Path, more: &[&str]) -> (Value, String) {
     let (out, png) = (dir.join("out.json"), dir.join("out.png"));
     let (out_text, png_text) = (out.display().to_string(), png.display().to_string());
     let mut args = vec![
@@ -28,11 +30,43 @@ fn demo(dir: &Path, more: &[&str]) -> Value {
     let text = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{text}\n{errors}");
     assert!(text.contains("Osteon session report"), "{text}");
-    json(&out)
+    (json(&out), text.into_owned())
 }
 
-/// What holds on every bone.
-fn check(report: &Value) {
+/// A planned axis in LPS: a point on it, mm, and its direction.
+type Axis = (DVec3, DVec3);
+
+fn vector(json: &Value, pointer: &str) -> DVec3 {
+    DVec3::from_array([0, 1, 2].map(|n| number(json, &format!("{pointer}/{n}"))))
+}
+
+/// Distance of a point from the axis, mm.
+fn off_axis(point: DVec3, (on, along): Axis) -> f64 {
+    (point - on).cross(along).length() / along.length()
+}
+
+/// What was removed: by the right tools, from the right bone, in the right place.
+fn check_removal(report: &Value, axis: Axis) {
+    let n = |pointer: &str| number(report, pointer);
+    let (drill, ream) = (
+        n("/removed_by_tool_mm3/peg_drill"),
+        n("/removed_by_tool_mm3/reamer"),
+    );
+    assert!(ream > 100.0 && drill > 300.0, "{drill} {ream}");
+    assert!((drill + ream - n("/removed_mm3")).abs() < 1e-6);
+    let labels = report["removed_by_label_mm3"].as_object().expect("labels");
+    for (label, mm3) in labels {
+        assert!(label == "1" || label == "0", "label {label}: {mm3}");
+    }
+    assert!(labels["1"].as_f64() > Some(0.99 * (drill + ream)));
+    let centroid = vector(report, "/removed_centroid_lps_mm");
+    let off = off_axis(centroid, axis);
+    assert!(off <= 3.0, "{off} mm off the axis");
+    assert!((off - n("/removed_centroid_off_axis_mm")).abs() < 1e-6);
+}
+
+/// What holds on every bone. `axis` is the plan's, read past the program.
+fn check(report: &Value, axis: Axis) {
     let n = |pointer: &str| number(report, pointer);
     assert!(n("/bone/solid_mm3") > 10_000.0);
     assert!(n("/bone/chunks_active") > 0.0 && n("/bone/chunks_active") < n("/bone/chunks_total"));
@@ -56,22 +90,7 @@ fn check(report: &Value) {
         let q = ["p50", "p99", "p999", "max"].map(|q| n(&format!("/{latency}/{q}")));
         assert!(q[0] > 0.0 && q.is_sorted(), "{latency} {q:?}");
     }
-    let (drill, ream) = (
-        n("/removed_by_tool_mm3/peg_drill"),
-        n("/removed_by_tool_mm3/reamer"),
-    );
-    assert!(ream > 100.0 && drill > 300.0, "{drill} {ream}");
-    assert!((drill + ream - n("/removed_mm3")).abs() < 1e-6);
-    let labels = report["removed_by_label_mm3"].as_object().expect("labels");
-    for (label, mm3) in labels {
-        assert!(label == "1" || label == "0", "label {label}: {mm3}");
-    }
-    assert!(labels["1"].as_f64() > Some(0.99 * (drill + ream)));
-    assert_eq!(
-        report["removed_centroid_lps_mm"].as_array().map(Vec::len),
-        Some(3)
-    );
-    assert!(n("/removed_centroid_off_axis_mm") <= 3.0);
+    check_removal(report, axis);
     let force = n("/peak_force_n");
     assert!(force > 0.1 && force <= 3.3, "{force}");
     assert!(n("/pose_rms_mm") <= 0.1 && n("/pose_samples") > 10_000.0);
@@ -80,7 +99,14 @@ fn check(report: &Value) {
         n("/device/crc_errors") < 1.0,
         "a cable of memory damages nothing"
     );
-    assert!(n("/device/gaps") >= 0.0 && n("/device/watchdog_trips") >= 0.0);
+    // told, whatever they are: a busy machine may cost a frame
+    for field in [
+        "/device/gaps",
+        "/device/watchdog_trips",
+        "/viewer/frames_rendered",
+    ] {
+        number(report, field);
+    }
     for joint in 0..3 {
         assert!(n(&format!("/device/last_torque_nmm/{joint}")).abs() < 1e-9);
     }
@@ -90,18 +116,15 @@ fn check(report: &Value) {
     assert_eq!(digest["servo"], digest["viewer"]);
     assert!(n("/digest/changed_chunks") > 0.0);
     assert!(n("/viewer/updates") > 0.0 && n("/viewer/resyncs") >= 1.0);
-    assert!(n("/viewer/frames_rendered") >= 0.0);
 }
 
 /// The picture shows something; skipped aloud where no adapter draws.
-#[expect(clippy::print_stderr, reason = "a skipped test must be heard")]
-fn check_picture(dir: &Path, report: &Value) {
-    if number(report, "/viewer/frames_rendered") < 1.0 {
-        eprintln!(
-            "SKIPPED the picture: no graphics adapter here (apt install mesa-vulkan-drivers)"
-        );
+fn check_picture(dir: &Path, report: &Value, said: &str) {
+    if said.contains("no graphics adapter") {
+        skipped("the picture: no graphics adapter here (apt install mesa-vulkan-drivers)");
         return;
     }
+    assert!(number(report, "/viewer/frames_rendered") >= 1.0);
     let file = std::fs::File::open(dir.join("out.png")).expect("a picture");
     let decoder = png::Decoder::new(std::io::BufReader::new(file));
     let mut reader = decoder.read_info().expect("a PNG");
@@ -122,10 +145,13 @@ fn check_picture(dir: &Path, report: &Value) {
 fn the_phantom_is_drilled_and_reamed() {
     let _turn = one_at_a_time();
     let dir = tempfile::tempdir().expect("a folder");
-    let report = demo(dir.path(), &[]);
-    check(&report);
+    let (report, said) = demo(dir.path(), &[]);
+    let scene = load(&SceneArgs::default(), &mut |_, _| {}).expect("the phantom");
+    let lps_from_plan = scene.bone.lps_from_bone().then(&scene.bone_from_plan);
+    let axis = (lps_from_plan.translation, lps_from_plan.vector(DVec3::Z));
+    check(&report, axis);
     assert_eq!(report["ended"], "as asked");
-    check_picture(dir.path(), &report);
+    check_picture(dir.path(), &report, &said);
 }
 
 #[test]
@@ -136,7 +162,7 @@ fn a_real_shoulder_is_drilled_and_reamed_and_the_humerus_spared() {
     let _turn = one_at_a_time();
     let dir = tempfile::tempdir().expect("a folder");
     let file = |name: &str| data.join(name).display().to_string();
-    let report = demo(
+    let (report, said) = demo(
         dir.path(),
         &[
             "--bone",
@@ -151,6 +177,11 @@ fn a_real_shoulder_is_drilled_and_reamed_and_the_humerus_spared() {
             "120",
         ],
     );
-    check(&report);
-    check_picture(dir.path(), &report);
+    let plan = json(&data.join("right_glenoid_pose.json"));
+    let axis = (
+        vector(&plan, "/glenoid_centre"),
+        vector(&plan, "/glenoid_normal_outward"),
+    );
+    check(&report, axis);
+    check_picture(dir.path(), &report, &said);
 }

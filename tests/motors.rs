@@ -1,7 +1,7 @@
 //! Whatever ends the haptics process, the torque at the plant goes to zero: seen on the plant.
 #![expect(clippy::expect_used, reason = "what goes wrong here is a failed test")]
 
-use osteon_tests::{fake, haptics, one_at_a_time, stroke, text, truth, until};
+use osteon_tests::{Running, fake, haptics, one_at_a_time, socket, stroke, text, truth, until};
 use rustix::process::Signal;
 use std::path::Path;
 use std::time::Duration;
@@ -54,15 +54,50 @@ fn stop_time_ms(lines: &[truth::Line]) -> f64 {
     (lines[zero].micros - lines[0].micros) as f64 * 1e-3
 }
 
+/// The host itself set the motors to zero: the device's watchdog had nothing to do.
+fn check_host_stopped(lines: &[truth::Line]) {
+    let last = lines.last().expect("lines");
+    assert!(!last.motors_on && last.torque < 1e-9, "{last:?}");
+    assert!(stop_time_ms(lines) <= 25.0, "{} ms", stop_time_ms(lines));
+    assert!(
+        lines.iter().all(|l| l.drive != "tripped"),
+        "only the watchdog stopped the motors"
+    );
+}
+
 #[test]
 fn an_asked_for_end_stops_the_motors() {
     for signal in [Signal::TERM, Signal::INT, Signal::HUP] {
         let (lines, errors, code) = pressed_until(&[], Some(signal));
         assert_eq!(code, Some(0), "{errors}");
-        let last = lines.last().expect("lines");
-        assert!(!last.motors_on && last.torque < 1e-9, "{last:?}");
-        assert!(stop_time_ms(&lines) <= 25.0, "{} ms", stop_time_ms(&lines));
+        check_host_stopped(&lines);
     }
+}
+
+#[test]
+fn a_viewer_that_does_not_answer_delays_no_motor() {
+    let _turn = one_at_a_time();
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    let mut device = fake(OSTEON, dir, Some(&stroke::press(dir)));
+    let mut haptics = haptics(OSTEON, dir, &[]);
+    let socket = socket(dir).display().to_string();
+    let args = ["view", "--mirror-only", "--socket", &socket];
+    let viewer = Running::start(OSTEON, &args, dir, "viewer");
+    wait_for_press(dir);
+    viewer.signal(Signal::STOP);
+    haptics.signal(Signal::TERM);
+    // longer than the watchdog, shorter than the wait for the viewer's last digest
+    std::thread::sleep(Duration::from_secs(2));
+    assert!(haptics.runs(), "it waits for the viewer");
+    device.signal(Signal::TERM);
+    assert!(device.wait(Duration::from_secs(10)).success());
+    let lines = truth::read(&dir.join("truth.csv"));
+    let last = lines.iter().rposition(|l| l.torque > PRESSED);
+    check_host_stopped(&lines[last.expect("a press")..]);
+    viewer.signal(Signal::CONT);
+    let status = haptics.wait(Duration::from_secs(15));
+    assert!(status.success(), "{}", text(dir, "haptics.err"));
 }
 
 #[test]
@@ -82,16 +117,14 @@ fn a_panic_in_the_servo_stops_the_motors_and_is_told() {
     assert_eq!(code, Some(1));
     assert!(errors.contains("induced by --panic-at-tick"), "{errors}");
     assert!(errors.contains("motors were set to zero"), "{errors}");
-    assert!(!lines.last().expect("lines").motors_on);
-    assert!(stop_time_ms(&lines) <= 25.0, "{} ms", stop_time_ms(&lines));
+    check_host_stopped(&lines);
 }
 
 #[test]
 fn the_end_of_the_session_stops_the_motors() {
     let (lines, errors, code) = pressed_until(&["--seconds", "6"], None);
     assert_eq!(code, Some(0), "{errors}");
-    assert!(!lines.last().expect("lines").motors_on);
-    assert!(stop_time_ms(&lines) <= 25.0, "{} ms", stop_time_ms(&lines));
+    check_host_stopped(&lines);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The servo's tick allocates nothing, once it runs.
+//! Servo tick and device link allocate nothing, once they run.
 #![expect(clippy::expect_used, reason = "what goes wrong here is a failed test")]
 #![expect(
     unsafe_code,
@@ -6,14 +6,18 @@
 )]
 
 use glam::{DQuat, DVec3};
+use osteon_firmware_bridge::link::{DeviceLink as _, OpenLink};
 use osteon_firmware_bridge::scene::{SceneArgs, load};
+use osteon_protocol::device::{CommandFrame, DriveState};
 use osteon_sim_core::contact::ContactConfig;
 use osteon_sim_core::omni;
 use osteon_sim_core::register::bone_from_base;
 use osteon_sim_core::servo::{DeviceScale, Request, Sample, Servo, ServoSetup};
 use osteon_sim_core::tool::Tool;
+use osteon_tests::{fake, one_at_a_time};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::time::Duration;
 
 thread_local! {
     static COUNT: Cell<u64> = const { Cell::new(0) };
@@ -75,6 +79,13 @@ fn the_counter_counts() {
     let before = COUNT.with(Cell::get);
     drop(std::hint::black_box(Box::new(5)));
     assert_eq!(COUNT.with(Cell::get) - before, 2);
+    let mut grows = std::hint::black_box(vec![0u8]);
+    let before = COUNT.with(Cell::get);
+    grows.reserve_exact(1_000_000);
+    assert!(COUNT.with(Cell::get) > before, "a growing vector is seen");
+    let before = COUNT.with(Cell::get);
+    drop(std::hint::black_box(vec![0u8; 1_000_000]));
+    assert_eq!(COUNT.with(Cell::get) - before, 2, "zeroed memory is seen");
 }
 
 #[test]
@@ -118,4 +129,49 @@ fn a_tick_allocates_nothing_whatever_it_does() {
     );
     assert!(servo.guards().implausible > 0);
     assert_eq!(allocations, 0);
+}
+
+/// What a servo thread does with its cable, 1500 times; states heard, whether the drive was active.
+fn talk(link: &mut OpenLink, seq: &mut u16) -> (u32, bool) {
+    let (mut heard, mut active) = (0, false);
+    for _ in 0..1500 {
+        std::thread::sleep(Duration::from_millis(1));
+        let state = link.poll().expect("a device");
+        if let Some(state) = state {
+            heard += 1;
+            active |= state.drive == DriveState::Active;
+        }
+        *seq += 1;
+        let command = CommandFrame {
+            seq: *seq,
+            state_seq: state.map_or(0, |s| s.seq),
+            torque: [1, -1, 0],
+            enable: true,
+        };
+        link.send(&command).expect("a device");
+    }
+    (heard, active)
+}
+
+#[test]
+fn the_link_allocates_nothing_whoever_reads_the_cable() {
+    let _turn = one_at_a_time();
+    let dir = tempfile::tempdir().expect("a folder");
+    let _device = fake(env!("CARGO_BIN_EXE_osteon"), dir.path(), None);
+    let path = dir.path().join("omni");
+    let mut link = OpenLink::open(path.to_str().expect("text")).expect("a device");
+    link.prepare().expect("armed");
+    let mut seq = 0;
+    // this thread reads and checks every byte itself
+    let before = COUNT.with(Cell::get);
+    let (heard, active) = talk(&mut link, &mut seq);
+    assert_eq!(COUNT.with(Cell::get), before);
+    assert!(active && heard > 300, "{heard} states");
+    // and with the relay, as in a session
+    link.start_relay().expect("a thread");
+    let before = COUNT.with(Cell::get);
+    let (heard, _) = talk(&mut link, &mut seq);
+    assert_eq!(COUNT.with(Cell::get), before);
+    assert!(heard > 300, "{heard} states");
+    assert_eq!(link.stats().crc_errors, 0);
 }

@@ -3,7 +3,6 @@
     clippy::expect_used,
     clippy::panic,
     clippy::missing_panics_doc,
-    clippy::print_stderr,
     reason = "a harness for tests: what goes wrong here is a failed test"
 )]
 
@@ -12,6 +11,7 @@ pub mod truth;
 
 use serde_json::Value;
 use std::fs::File;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -47,11 +47,16 @@ pub fn data(test: &str) -> Option<PathBuf> {
     if shoulders.is_dir() {
         return Some(shoulders);
     }
-    eprintln!(
-        "SKIPPED {test}: no real data at {}; set OSTEON_DATA",
+    skipped(&format!(
+        "{test}: no real data at {}; set OSTEON_DATA",
         dir.display()
-    );
+    ));
     None
+}
+
+/// Says aloud that something was not tested: past the test runner, which would swallow it.
+pub fn skipped(what: &str) {
+    writeln!(std::io::stderr(), "SKIPPED {what}").expect("standard error");
 }
 
 /// The workspace's root.
@@ -72,9 +77,8 @@ pub struct Running {
 impl Running {
     /// Starts `program` with `args`; output goes to `NAME.out` and `NAME.err` in `dir`.
     pub fn start(program: &str, args: &[&str], dir: &Path, name: &str) -> Self {
-        let file = |ending: &str| {
-            File::create(dir.join(format!("{name}.{ending}"))).expect("a file")
-        };
+        let file =
+            |ending: &str| File::create(dir.join(format!("{name}.{ending}"))).expect("a file");
         let child = Command::new(program)
             .args(args)
             .env("XDG_RUNTIME_DIR", dir)
@@ -155,6 +159,25 @@ pub fn run(program: &str, args: &[&str], dir: &Path, limit: Duration) -> Output 
         status,
         stdout: std::fs::read(dir.join("run.out")).expect("output"),
         stderr: std::fs::read(dir.join("run.err")).expect("errors"),
+    }
+}
+
+/// Runs a program that must fail within 10 s, with exit code `code` and without a panic; its error
+/// output.
+pub fn failed(program: &str, dir: &Path, args: &[&str], code: i32) -> String {
+    let output = run(program, args, dir, Duration::from_secs(10));
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{args:?}:\n{errors}");
+    assert!(!errors.contains("panicked"), "{args:?}:\n{errors}");
+    errors
+}
+
+/// Runs a program that must fail with one line that holds all of `words`.
+pub fn refused(program: &str, dir: &Path, args: &[&str], words: &[&str]) {
+    let errors = failed(program, dir, args, 1);
+    assert_eq!(errors.lines().count(), 1, "{args:?}:\n{errors}");
+    for word in words {
+        assert!(errors.contains(word), "{args:?}: no '{word}' in {errors}");
     }
 }
 

@@ -1,9 +1,5 @@
 //! Strokes for the simulated hand.
-#![expect(
-    clippy::expect_used,
-    clippy::missing_panics_doc,
-    reason = "helpers for tests"
-)]
+#![expect(clippy::expect_used, reason = "helpers for tests")]
 
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
