@@ -22,19 +22,12 @@ pub struct OpenLink {
     pub(super) name: Arc<str>,
     pub(super) hello: DeviceHello,
     port: Arc<SerialPort>,
-    incoming: Incoming,
+    // reads the cable for whoever calls (the handshake, and tests), until the relay has it
+    receiver: Option<Box<Receiver>>,
+    relay: Option<Relay>,
     outbox: Outbox,
     dropped_commands: u64,
     pub(super) armed: bool,
-}
-
-/// Who reads the cable.
-#[derive(Debug)]
-enum Incoming {
-    /// Whoever calls: the handshake, and tests.
-    Direct(Box<Receiver>),
-    /// A thread.
-    Relayed(Relay),
 }
 
 impl OpenLink {
@@ -48,7 +41,8 @@ impl OpenLink {
             name,
             hello: NO_HELLO,
             port,
-            incoming: Incoming::Direct(Box::new(receiver)),
+            receiver: Some(Box::new(receiver)),
+            relay: None,
             outbox: Outbox::default(),
             dropped_commands: 0,
             armed: false,
@@ -59,22 +53,18 @@ impl OpenLink {
 
     /// Takes what has come, before the relay runs.
     pub(super) fn receive(&mut self) -> Result<Arrivals, LinkError> {
-        match &mut self.incoming {
-            Incoming::Direct(receiver) => receiver.receive(),
-            Incoming::Relayed(_) => Ok(Arrivals::default()),
+        match &mut self.receiver {
+            Some(receiver) => receiver.receive(),
+            None => Ok(Arrivals::default()),
         }
     }
 
     /// Hands reading over to a thread of its own. Reading an empty terminal line can wait for the
     /// kernel's own worker, which runs at ordinary priority; the servo thread must not.
     pub fn start_relay(&mut self) -> Result<(), LinkError> {
-        let placeholder = Receiver::new(Arc::clone(&self.name), Arc::clone(&self.port));
-        let direct = std::mem::replace(&mut self.incoming, Incoming::Direct(Box::new(placeholder)));
-        let Incoming::Direct(receiver) = direct else {
-            self.incoming = direct;
-            return Ok(());
-        };
-        self.incoming = Incoming::Relayed(Relay::start(*receiver)?);
+        if let Some(receiver) = self.receiver.take() {
+            self.relay = Some(Relay::start(*receiver)?);
+        }
         Ok(())
     }
 
@@ -99,17 +89,14 @@ impl OpenLink {
 
     /// The first bytes of the last [`Self::receive`].
     pub(super) fn input(&self, count: usize) -> &[u8] {
-        match &self.incoming {
-            Incoming::Direct(receiver) => receiver.input(count),
-            Incoming::Relayed(_) => &[],
-        }
+        self.receiver.as_ref().map_or(&[], |r| r.input(count))
     }
 
     /// Forgets the counts of the handshake: a session begins with clean ones, in the middle of a
     /// stream whose first piece may have been half a frame.
     pub(super) fn reset_stats(&mut self) {
         self.dropped_commands = 0;
-        if let Incoming::Direct(receiver) = &mut self.incoming {
+        if let Some(receiver) = &mut self.receiver {
             receiver.reset();
         }
     }
@@ -128,9 +115,9 @@ impl DeviceLink for OpenLink {
     }
 
     fn poll(&mut self) -> Result<Option<StateFrame>, LinkError> {
-        match &mut self.incoming {
-            Incoming::Direct(receiver) => Ok(receiver.receive()?.state),
-            Incoming::Relayed(relay) => relay.poll(),
+        match &mut self.relay {
+            Some(relay) => relay.poll(),
+            None => Ok(self.receive()?.state),
         }
     }
 
@@ -154,13 +141,11 @@ impl DeviceLink for OpenLink {
     }
 
     fn stats(&self) -> LinkStats {
-        let received = match &self.incoming {
-            Incoming::Direct(receiver) => receiver.stats,
-            Incoming::Relayed(relay) => relay.stats(),
-        };
+        let direct = self.receiver.as_ref().map(|r| r.stats);
+        let received = self.relay.as_ref().map(Relay::stats).or(direct);
         LinkStats {
             dropped_commands: self.dropped_commands,
-            ..received
+            ..received.unwrap_or_default()
         }
     }
 

@@ -4,7 +4,7 @@
 //! cable ──▶ relay thread: wait, read, check ── ring of states ──▶ servo thread: newest wins
 //! ```
 //! A read of an empty terminal line waits for the kernel's worker that moves the bytes, which runs
-//! at ordinary priority: on a busy machine that was 3 ms and more. Here only the relay waits.
+//! at ordinary priority: on a busy machine nothing bounds that. Here only the relay waits.
 
 use super::receiver::Receiver;
 use super::{LinkError, LinkStats};
