@@ -53,6 +53,8 @@ pub(crate) struct ViewerCounts {
     pub lost: u64,
     /// Connections that were refused or dropped for what they sent.
     pub refused: u64,
+    /// Commands that found the servo's ring full.
+    pub dropped_commands: u64,
 }
 
 /// A pose as it goes over the wire.
@@ -206,7 +208,11 @@ impl Publisher {
             match client.visit(&news) {
                 Ok(commands) => {
                     for command in commands {
-                        stop |= forward(command, &mut self.requests);
+                        stop |= forward(
+                            command,
+                            &mut self.requests,
+                            &mut self.viewers.dropped_commands,
+                        );
                     }
                     kept.push(client);
                 }
@@ -245,7 +251,7 @@ impl Publisher {
 
 /// Hands a viewer's wish to the servo; true where it asks to end the session. A full request ring
 /// drops the wish: a person presses again.
-fn forward(command: Command, requests: &mut Producer<Request>) -> bool {
+fn forward(command: Command, requests: &mut Producer<Request>, dropped: &mut u64) -> bool {
     let request = match command {
         Command::SelectTool(tool) => Request::SelectTool(tool),
         Command::Spindle(on) => Request::Spindle(on),
@@ -254,7 +260,10 @@ fn forward(command: Command, requests: &mut Producer<Request>) -> bool {
         Command::Stop => return true,
     };
     if requests.push(request).is_err() {
-        warn("a viewer sends commands faster than the servo takes them; one was dropped");
+        if *dropped == 0 {
+            warn("a viewer sends commands faster than the servo takes them; some are dropped");
+        }
+        *dropped += 1;
     }
     false
 }

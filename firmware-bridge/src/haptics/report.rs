@@ -55,6 +55,8 @@ pub struct ViewerReport {
     pub lost: u64,
     /// Connections refused.
     pub refused: u64,
+    /// Commands that came faster than the servo takes them.
+    pub dropped_commands: u64,
 }
 
 /// Digests of the cut, hexadecimal; equal when everybody holds the same bone.
@@ -231,6 +233,7 @@ impl Facts<'_> {
             connected: self.viewers.connected,
             lost: self.viewers.lost,
             refused: self.viewers.refused,
+            dropped_commands: self.viewers.dropped_commands,
         }
     }
 

@@ -21,13 +21,14 @@ pub(crate) fn write(
     let mut report: Value = serde_json::from_slice(&bytes)
         .with_context(|| format!("{}: not a report", haptics.display()))?;
     join(&mut report, files, viewer)?;
-    if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(&report)?;
-        std::fs::write(path, text + "\n")
-            .with_context(|| format!("{}: cannot write", path.display()))?;
-    }
+    let written = match &args.json {
+        Some(path) => std::fs::write(path, format!("{report:#}\n"))
+            .with_context(|| format!("{}: cannot write", path.display())),
+        None => Ok(()),
+    };
+    // a file that cannot be written must not cost the people their report
     say(&text(&report, args));
-    Ok(())
+    written
 }
 
 fn join(report: &mut Value, files: &Files, viewer: Option<&ExitStatus>) -> anyhow::Result<()> {
