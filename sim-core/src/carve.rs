@@ -244,8 +244,10 @@ impl<'a> Scan<'a> {
                     None => [-i16::MAX; 4],
                     Some(corner) => {
                         let row = corner + self.step[1] * y as f32 + self.step[2] * z as f32;
-                        let d = self.tool.shape.signed_distance_row(row, self.step[0]);
-                        d.map(|d| self.quantise(d))
+                        [0.0f32, 1.0, 2.0, 3.0].map(|n| {
+                            let p = row + self.step[0] * n;
+                            self.quantise(self.tool.shape.signed_distance(p))
+                        })
                     }
                 };
                 let local = ((place.at[2] + z) * BRICK + place.at[1] + y) * BRICK + place.at[0];

@@ -178,7 +178,7 @@ impl SessionReport {
             device_roundtrip_us: stats.roundtrip.quantiles(),
             removed_mm3: mm3(totals.units()),
             removed_by_tool_mm3: (facts.tools.iter().zip(totals.by_tool))
-                .map(|(tool, units)| (tool.id.to_owned(), mm3(units)))
+                .map(|(tool, units)| (tool.id.clone(), mm3(units)))
                 .collect(),
             removed_by_tissue_mm3: Tissue::ALL
                 .iter()

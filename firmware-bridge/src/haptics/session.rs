@@ -186,8 +186,8 @@ fn wire_scene(scene: &Scene, tools: &[Tool], force_limit_n: f64) -> osteon_proto
         tools: tools
             .iter()
             .map(|t| ToolInfo {
-                name: t.name.to_owned(),
-                id: t.id.to_owned(),
+                name: t.name.clone(),
+                id: t.id.clone(),
                 outline_mm: t.shape.outline(),
             })
             .collect(),

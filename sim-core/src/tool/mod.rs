@@ -1,0 +1,308 @@
+//! Tools: solids of revolution with an exact signed distance, and their surface elements.
+//!
+//! Tool frame: origin at the apex of the tip, z from the tip towards the shank; mm. Drilling goes
+//! along −z.
+
+pub mod revolved;
+
+use glam::{DVec3, Vec3};
+use revolved::Revolved;
+
+/// The shape of a tool's head.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shape {
+    /// A solid of revolution about z.
+    Revolved(Revolved),
+}
+
+/// A small piece of the tool's surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Element {
+    /// Position in the tool frame, mm.
+    pub position: Vec3,
+    /// Outward unit normal, tool frame.
+    pub normal: Vec3,
+    /// Area, mm².
+    pub area_mm2: f32,
+    /// Distance from the spindle's axis, mm.
+    pub radius_mm: f32,
+    /// Cutting (true) or smooth (false).
+    pub cutting: bool,
+}
+
+/// A tool: shape, surface elements, spindle.
+#[derive(Debug, Clone)]
+pub struct Tool {
+    /// Name for people.
+    pub name: String,
+    /// Identifier in reports.
+    pub id: String,
+    /// The head.
+    pub shape: Shape,
+    /// Surface elements; at most [`MAX_ELEMENTS`].
+    pub elements: Vec<Element>,
+    /// Spindle speed when on, revolutions per minute.
+    pub rpm: f64,
+}
+
+/// Most elements of a tool: the bound of the servo's contact loop.
+pub const MAX_ELEMENTS: usize = 512;
+
+/// Corners of a box in the tool frame, mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ToolBox {
+    /// Lowest corner.
+    pub lo: DVec3,
+    /// Highest corner.
+    pub hi: DVec3,
+}
+
+/// Clearance of a smooth flank behind its cutting edge, mm (drills and reamers are relieved so
+/// that they do not rub).
+const RELIEF_MM: f32 = 0.05;
+
+/// The golden angle, rad: neighbouring elements of a spiral never line up.
+const GOLDEN_ANGLE: f32 = 2.399_963_2;
+
+/// Points of an outline that a viewer turns on a lathe.
+pub const OUTLINE_POINTS: usize = 64;
+
+impl Shape {
+    /// Signed distance of a point in the tool frame to the head's surface, mm, negative inside; see
+    /// [`revolved`] for what it is beside edges. A NaN gives a NaN or infinity.
+    pub fn signed_distance(&self, p: Vec3) -> f32 {
+        match self {
+            Self::Revolved(solid) => solid.signed_distance(p),
+        }
+    }
+
+    /// Box around the head, tool frame, mm.
+    pub fn bounds(&self) -> ToolBox {
+        match self {
+            Self::Revolved(solid) => solid.bounds,
+        }
+    }
+
+    /// Outline as (r, z) points in mm from the apex upwards, at most [`OUTLINE_POINTS`]: what a
+    /// viewer turns on a lathe.
+    pub fn outline(&self) -> Vec<[f32; 2]> {
+        let bounds = self.bounds();
+        #[expect(clippy::cast_possible_truncation, reason = "a tool is below 500 mm")]
+        let (lo, hi) = (bounds.lo.z as f32, bounds.hi.z as f32);
+        let steps = 60u8;
+        let mut points = vec![[0.0, lo]];
+        points.extend((0..=steps).map(|i| {
+            // closer together at the tip, where a dome is flat
+            let t = f32::from(i) / f32::from(steps);
+            let z = lo + (hi - lo) * t * t;
+            let r = match self {
+                Self::Revolved(solid) => solid.radius_at(z).unwrap_or(0.0),
+            };
+            [r, z]
+        }));
+        points.push([0.0, hi]);
+        points
+    }
+}
+
+impl Tool {
+    /// Peg drill, Ø 8 mm, 118° point, 40 mm of flutes, 1500 rpm.
+    pub fn peg_drill() -> Self {
+        // 4 mm / tan(59°)
+        let shape = Shape::Revolved(Revolved::drill([4.0, 2.403_442, 40.0]));
+        let mut elements = cone_elements(4.0, 2.403_442, 64);
+        // the very tip, so that a standing drill rests on its point
+        elements.push(Element {
+            position: Vec3::ZERO,
+            normal: Vec3::NEG_Z,
+            area_mm2: 0.05,
+            radius_mm: 0.0,
+            cutting: true,
+        });
+        elements.extend(flank_elements(4.0, [3.0, 27.0], [24, 12]));
+        Self {
+            name: "Peg drill Ø 8 mm".to_owned(),
+            id: "peg_drill".to_owned(),
+            shape,
+            elements,
+            rpm: 1500.0,
+        }
+    }
+
+    /// Glenoid reamer: a shallow dome, Ø 36 mm, face radius 30 mm, 1000 rpm.
+    pub fn glenoid_reamer() -> Self {
+        let shape = Shape::Revolved(Revolved::dome([18.0, 30.0, 12.0]));
+        let mut elements = cap_elements(30.0, 6.0, 320);
+        elements.extend(flank_elements(18.0, [6.5, 12.0], [3, 32]));
+        Self {
+            name: "Glenoid reamer Ø 36 mm".to_owned(),
+            id: "reamer".to_owned(),
+            shape,
+            elements,
+            rpm: 1000.0,
+        }
+    }
+
+    /// The tools of a session, in the order of their index and hotkey.
+    pub fn standard_set() -> Vec<Self> {
+        vec![Self::peg_drill(), Self::glenoid_reamer()]
+    }
+}
+
+fn turned(r: f32, turn: f32) -> (f32, f32) {
+    (r * libm::cosf(turn), r * libm::sinf(turn))
+}
+
+// equal areas: the area of a spherical cap grows linearly with height
+fn cap_elements(face: f32, cap_height: f32, count: u16) -> Vec<Element> {
+    let area = core::f32::consts::TAU * face * cap_height / f32::from(count);
+    (0..count)
+        .map(|i| {
+            let z = cap_height * (f32::from(i) + 0.5) / f32::from(count);
+            let r = (2.0 * face * z - z * z).sqrt();
+            let (x, y) = turned(r, f32::from(i) * GOLDEN_ANGLE);
+            let position = Vec3::new(x, y, z);
+            Element {
+                position,
+                normal: (position - Vec3::new(0.0, 0.0, face)) / face,
+                area_mm2: area,
+                radius_mm: r,
+                cutting: true,
+            }
+        })
+        .collect()
+}
+
+// equal areas: the area of a cone grows with the square of the radius
+fn cone_elements(radius: f32, point: f32, count: u16) -> Vec<Element> {
+    let edge = (radius * radius + point * point).sqrt();
+    let area = core::f32::consts::PI * radius * edge / f32::from(count);
+    (0..count)
+        .map(|i| {
+            let r = radius * ((f32::from(i) + 0.5) / f32::from(count)).sqrt();
+            let turn = f32::from(i) * GOLDEN_ANGLE;
+            let (x, y) = turned(r, turn);
+            let (nx, ny) = turned(point / edge, turn);
+            Element {
+                position: Vec3::new(x, y, r * point / radius),
+                normal: Vec3::new(nx, ny, -radius / edge),
+                area_mm2: area,
+                radius_mm: r,
+                cutting: true,
+            }
+        })
+        .collect()
+}
+
+fn flank_elements(radius: f32, [z0, z1]: [f32; 2], [rings, around]: [u16; 2]) -> Vec<Element> {
+    let area = core::f32::consts::TAU * radius * (z1 - z0) / f32::from(rings * around);
+    let mut elements = Vec::with_capacity(usize::from(rings * around));
+    for ring in 0..rings {
+        let z = z0 + (z1 - z0) * (f32::from(ring) + 0.5) / f32::from(rings);
+        for i in 0..around {
+            let turn = core::f32::consts::TAU * (f32::from(i) + 0.5 * f32::from(ring % 2))
+                / f32::from(around);
+            let (nx, ny) = turned(1.0, turn);
+            let r = radius - RELIEF_MM;
+            elements.push(Element {
+                position: Vec3::new(nx * r, ny * r, z),
+                normal: Vec3::new(nx, ny, 0.0),
+                area_mm2: area,
+                radius_mm: r,
+                cutting: false,
+            });
+        }
+    }
+    elements
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Outline pieces of the two tools as dense points: an oracle that knows nothing of faces.
+    fn outline_points(tool: &Tool) -> Vec<[f32; 2]> {
+        let corners: Vec<[f32; 2]> = if tool.id == "reamer" {
+            let cap = (0..=2000u16).map(|i| {
+                let r = 18.0 * f32::from(i) / 2000.0;
+                [r, 30.0 - (900.0 - r * r).sqrt()]
+            });
+            cap.chain([[18.0, 12.0], [0.0, 12.0]]).collect()
+        } else {
+            vec![[0.0, 0.0], [4.0, 2.403_442], [4.0, 40.0], [0.0, 40.0]]
+        };
+        let mut points = Vec::new();
+        for pair in corners.windows(2) {
+            for i in 0..=2000u16 {
+                let t = f32::from(i) / 2000.0;
+                points.push([0, 1].map(|n| pair[0][n] + t * (pair[1][n] - pair[0][n])));
+            }
+        }
+        points
+    }
+
+    #[test]
+    fn signed_distance_is_true_inside_and_never_too_large_outside() {
+        for tool in Tool::standard_set() {
+            let outline = outline_points(&tool);
+            let (mut inside, mut beside) = (0, 0);
+            for i in -10..40i16 {
+                for j in 0..30i16 {
+                    let (r, z) = (f32::from(j) * 0.81, f32::from(i) * 1.13);
+                    let d = tool.shape.signed_distance(Vec3::new(0.6 * r, 0.8 * r, z));
+                    let nearest =
+                        |[pr, pz]: &[f32; 2]| ((r - pr) * (r - pr) + (z - pz) * (z - pz)).sqrt();
+                    let oracle = outline.iter().map(nearest).fold(f32::MAX, f32::min);
+                    if d <= 0.0 {
+                        inside += 1;
+                        assert!(
+                            (-d - oracle).abs() < 0.02,
+                            "{} {r} {z} {d} {oracle}",
+                            tool.id
+                        );
+                    } else {
+                        beside += 1;
+                        assert!(d < oracle + 0.01, "{} {r} {z} {d} {oracle}", tool.id);
+                        assert!(d > 0.5 * oracle, "{} {r} {z} {d} {oracle}", tool.id);
+                    }
+                }
+            }
+            assert!(inside > 50 && beside > 500, "{inside} {beside}");
+        }
+    }
+
+    #[test]
+    fn outlines_follow_the_surface() {
+        for tool in Tool::standard_set() {
+            let outline = tool.shape.outline();
+            assert!(outline.len() <= OUTLINE_POINTS);
+            for [r, z] in outline.iter().skip(1).take(outline.len() - 2) {
+                let d = tool.shape.signed_distance(Vec3::new(*r, 0.0, *z));
+                assert!(d.abs() < 1e-3, "{} {r} {z} {d}", tool.id);
+            }
+        }
+    }
+
+    #[test]
+    fn elements_lie_on_the_surface_and_sum_to_its_area() {
+        for tool in Tool::standard_set() {
+            assert!(tool.elements.len() <= MAX_ELEMENTS);
+            let mut cutting = 0.0;
+            for e in &tool.elements {
+                let d = tool.shape.signed_distance(e.position);
+                let expected = if e.cutting { 0.0 } else { -RELIEF_MM };
+                assert!((d - expected).abs() < 2e-3, "{} {d}", tool.id);
+                assert!((e.normal.length() - 1.0).abs() < 1e-4);
+                cutting += if e.cutting { e.area_mm2 } else { 0.0 };
+            }
+            let truth = if tool.id == "reamer" {
+                // spherical cap 2πRh
+                core::f32::consts::TAU * 30.0 * 6.0
+            } else {
+                // cone πr·edge
+                core::f32::consts::PI * 4.0 * 4.0 / libm::sinf(1.029_744)
+            };
+            assert!((cutting / truth - 1.0).abs() < 1e-3, "{cutting} {truth}");
+        }
+    }
+}
