@@ -115,8 +115,8 @@ const REACH_MM: f32 = 500.0;
 
 impl Form {
     /// Signed distance of (r, z), mm, to the face's whole surface; negative inside.
-    pub fn distance(&self, r: f32, z: f32) -> f32 {
-        match *self {
+    pub fn distance(self, r: f32, z: f32) -> f32 {
+        match self {
             Self::Plane { height_mm, up } => {
                 let above = z - height_mm;
                 if up { above } else { -above }
@@ -145,8 +145,8 @@ impl Form {
         }
     }
 
-    fn is_sound(&self) -> bool {
-        match *self {
+    fn is_sound(self) -> bool {
+        match self {
             Self::Plane { height_mm, .. } => height_mm.is_finite(),
             Self::Cone {
                 normal_r,
