@@ -4,11 +4,15 @@
 //! nothing. `cut = min(cut, sd_tool)`: idempotent, free of order, monotone within an epoch.
 #![expect(
     clippy::cast_possible_truncation,
-    reason = "a pool has fewer than 2^32 chunks"
+    clippy::cast_possible_wrap,
+    reason = "a pool has fewer than 2^32 chunks, a voxel index is below 4096"
 )]
 
-use crate::bone::{Bone, Occupancy};
-use crate::grid::{BRICK_VOXELS, BRICKS_PER_CHUNK, CHUNK_VOXELS, Grid};
+use crate::aligned::Aligned;
+use crate::bone::{Bone, LineMasks, Occupancy};
+use crate::grid::{
+    BRICK_VOXELS, BRICKS_PER_CHUNK, CHUNK, CHUNK_VOXELS, Grid, brick_origin, voxel_in_brick,
+};
 use crate::tissue::TISSUES;
 use glam::DVec3;
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
@@ -29,8 +33,6 @@ pub struct Totals {
     pub by_tool: [i64; MAX_TOOLS],
     /// By structure label.
     pub by_label: Box<[i64; 256]>,
-    /// Sum of units × voxel index, per axis: the first moment.
-    pub moment: [i64; 3],
 }
 
 impl Totals {
@@ -39,7 +41,6 @@ impl Totals {
             by_class: [0; TISSUES],
             by_tool: [0; MAX_TOOLS],
             by_label: Box::new([0; 256]),
-            moment: [0; 3],
         }
     }
 
@@ -47,21 +48,11 @@ impl Totals {
         self.by_class = [0; TISSUES];
         self.by_tool = [0; MAX_TOOLS];
         self.by_label.fill(0);
-        self.moment = [0; 3];
     }
 
     /// All units removed.
     pub fn units(&self) -> i64 {
         self.by_class.iter().sum()
-    }
-
-    /// Centroid of all that was removed, bone frame, mm; `None` where nothing was.
-    pub fn centroid(&self, grid: &Grid) -> Option<DVec3> {
-        let units = self.units();
-        (units > 0).then(|| {
-            let m = self.moment.map(|m| m as f64 / units as f64);
-            DVec3::from_array(m) * grid.spacing_mm
-        })
     }
 }
 
@@ -87,9 +78,10 @@ pub struct Cut {
     // chunk -> slot in the pool
     slots: Vec<u32>,
     used: usize,
-    // bricks whose every value is at its lowest: nothing more can change there
+    // lines, and bricks of nothing else, whose every value is at its lowest: no more can change there
+    emptied_lines: Vec<LineMasks>,
     emptied: Vec<u64>,
-    pool: Vec<i16>,
+    pool: Aligned<i16>,
     pub(crate) totals: Totals,
 }
 
@@ -102,8 +94,9 @@ impl Cut {
             revision: 0,
             slots: vec![NO_SLOT; bone.chunk_count()],
             used: 0,
+            emptied_lines: vec![[0; BRICKS_PER_CHUNK]; bone.chunk_count()],
             emptied: vec![0; bone.chunk_count()],
-            pool: vec![UNCUT; bone.chunk_count() * CHUNK_VOXELS],
+            pool: Aligned::filled(UNCUT, bone.chunk_count() * CHUNK_VOXELS),
             totals: Totals::zero(),
         }
     }
@@ -133,13 +126,14 @@ impl Cut {
         Occupancy::new(grid).mm3(grid, units)
     }
 
-    /// Back to the uncut bone under a new epoch. Constant work per chunk of the bone (four bytes);
+    /// Back to the uncut bone under a new epoch. Constant work per chunk of the bone (140 bytes);
     /// slots are refilled when they are next given out.
     pub fn reset(&mut self, epoch: u32) {
         self.epoch = epoch;
         self.revision = 0;
         self.slots.fill(NO_SLOT);
         self.emptied.fill(0);
+        self.emptied_lines.fill([0; BRICKS_PER_CHUNK]);
         self.used = 0;
         self.totals.clear();
     }
@@ -149,8 +143,18 @@ impl Cut {
         self.emptied[chunk]
     }
 
-    pub(crate) fn set_emptied(&mut self, chunk: usize, brick: usize) {
-        self.emptied[chunk] |= 1 << brick;
+    /// The same for the lines of a brick.
+    pub(crate) fn emptied_lines(&self, chunk: usize, brick: usize) -> u16 {
+        self.emptied_lines[chunk][brick]
+    }
+
+    /// Says that lines are at their lowest; `bony` are those of the brick that matter.
+    pub(crate) fn add_emptied(&mut self, (chunk, brick): (usize, usize), lines: u16, bony: u16) {
+        let all = self.emptied_lines[chunk][brick] | lines;
+        self.emptied_lines[chunk][brick] = all;
+        if bony & !all == 0 {
+            self.emptied[chunk] |= 1 << brick;
+        }
     }
 
     /// The cut values of a chunk, brick-major; `None` where nothing was cut.
@@ -176,28 +180,32 @@ impl Cut {
         }
     }
 
-    /// Cut values of four voxels in a row, the first being `voxel`.
-    pub(crate) fn row(&self, chunk: usize, voxel: usize) -> [i16; 4] {
-        match self.slots[chunk] {
-            NO_SLOT => [UNCUT; 4],
-            slot => {
-                let at = slot as usize * CHUNK_VOXELS + voxel;
-                core::array::from_fn(|n| self.pool[at + n])
-            }
-        }
-    }
-
     /// The values of a brick for writing; gives the chunk a slot if it has none. One 64 KiB fill
     /// at most. Never runs out: the pool has a slot for every chunk.
     pub(crate) fn brick_mut(&mut self, chunk: usize, brick: usize) -> &mut [i16] {
+        let base = self.slot_base(chunk) + brick * BRICK_VOXELS;
+        &mut self.pool[base..base + BRICK_VOXELS]
+    }
+
+    /// [`Self::brick_mut`] together with the account.
+    pub(crate) fn brick_and_totals(
+        &mut self,
+        chunk: usize,
+        brick: usize,
+    ) -> (&mut [i16], &mut Totals) {
+        let base = self.slot_base(chunk) + brick * BRICK_VOXELS;
+        (&mut self.pool[base..base + BRICK_VOXELS], &mut self.totals)
+    }
+
+    /// First value of a chunk's slot; gives it one if it has none.
+    fn slot_base(&mut self, chunk: usize) -> usize {
         if self.slots[chunk] == NO_SLOT {
             let base = self.used * CHUNK_VOXELS;
             self.pool[base..base + CHUNK_VOXELS].fill(UNCUT);
             self.slots[chunk] = self.used as u32;
             self.used += 1;
         }
-        let base = self.slots[chunk] as usize * CHUNK_VOXELS + brick * BRICK_VOXELS;
-        &mut self.pool[base..base + BRICK_VOXELS]
+        self.slots[chunk] as usize * CHUNK_VOXELS
     }
 
     /// Replaces a brick's values, as a viewer's mirror does on an update. `values` must have 512
@@ -250,6 +258,36 @@ impl Cut {
             bytes.extend_from_slice(&v.to_le_bytes());
         }
         Some(xxh3_64(&bytes))
+    }
+
+    /// Centroid of all that was removed, bone frame, mm; `None` where nothing was. Reads every touched
+    /// chunk: not for the servo's loop.
+    pub fn centroid(&self, bone: &Bone) -> Option<DVec3> {
+        let occupancy = Occupancy::new(bone.grid());
+        let mut units = 0i64;
+        let mut moment = [0i64; 3];
+        for chunk in 0..self.slots.len() {
+            let Some(values) = self.chunk(chunk) else {
+                continue;
+            };
+            let solid = bone.chunk(chunk).solid;
+            let first = bone.chunk_coord(chunk).map(|c| usize::from(c) * CHUNK);
+            for (voxel, (&cut, &solid)) in values.iter().zip(solid).enumerate() {
+                let gone = occupancy.units(solid) - occupancy.units(solid.min(cut));
+                if gone != 0 {
+                    let brick = brick_origin(voxel / BRICK_VOXELS);
+                    let inside = voxel_in_brick(voxel % BRICK_VOXELS);
+                    units += gone;
+                    for a in 0..3 {
+                        moment[a] += gone * (first[a] + brick[a] + inside[a]) as i64;
+                    }
+                }
+            }
+        }
+        (units > 0).then(|| {
+            let m = moment.map(|m| m as f64 / units as f64);
+            DVec3::from_array(m) * bone.grid().spacing_mm
+        })
     }
 
     /// Volume left in chunk `chunk`, occupancy units: an independent check of the totals.

@@ -1,4 +1,4 @@
-//! The voxel lattice: dimensions, spacing, chunks of 32³, bricks of 8³.
+//! The voxel lattice: dimensions, spacing, chunks of 32³, bricks of 8³, lines of 4×4×2.
 //!
 //! Bone frame: millimetres, right-handed, axes along the lattice, origin at the centre of voxel
 //! (0, 0, 0); the centre of voxel (i, j, k) lies at (i·hx, j·hy, k·hz).
@@ -19,6 +19,10 @@ pub const CHUNK_VOXELS: usize = CHUNK * CHUNK * CHUNK;
 pub const BRICK_VOXELS: usize = BRICK * BRICK * BRICK;
 /// Bricks of a chunk; one bit each in a `u64`.
 pub const BRICKS_PER_CHUNK: usize = 64;
+/// Voxels of a line: 4×4×2, whose stored distances fill one cache line of 64 bytes.
+pub const LINE_VOXELS: usize = 32;
+/// Lines of a brick; one bit each in a `u16`.
+pub const LINES_PER_BRICK: usize = 16;
 /// Longest allowed edge of a lattice, voxels.
 pub const MAX_DIM: usize = 4096;
 
@@ -88,6 +92,11 @@ impl Grid {
         self.spacing_mm.length()
     }
 
+    /// Mean of the squared spacings, mm².
+    pub fn mean_square_spacing(&self) -> f64 {
+        self.spacing_mm.length_squared() / 3.0
+    }
+
     /// Millimetres of one unit of a stored distance (`i16`, ±32767 = ± band).
     pub fn quantum_mm(&self) -> f32 {
         (self.band_mm() / f64::from(i16::MAX)) as f32
@@ -120,11 +129,32 @@ impl Grid {
     }
 }
 
-/// Offset of a voxel inside its chunk's arrays, brick after brick: each brick's 512 values are one
-/// contiguous run. Arguments in `0..32`.
+/// Offset of a voxel inside its chunk's arrays: brick after brick (x fastest), in a brick line after
+/// line (x fastest), in a line x, then z, then y. So a brick's 512 values and a line's 32 are each one
+/// contiguous run, and a line's two layers interleave the way that vector units pack them.
+/// Arguments in `0..32`.
 pub fn voxel_in_chunk(x: usize, y: usize, z: usize) -> usize {
     let brick = ((z >> 3) * 4 + (y >> 3)) * 4 + (x >> 3);
-    brick * BRICK_VOXELS + ((z & 7) * 8 + (y & 7)) * 8 + (x & 7)
+    let line = ((z >> 1) & 3) * 4 + ((y >> 2) & 1) * 2 + ((x >> 2) & 1);
+    let lane = (y & 3) * 8 + (z & 1) * 4 + (x & 3);
+    brick * BRICK_VOXELS + line * LINE_VOXELS + lane
+}
+
+/// The voxel inside its brick at offset `local` (in `0..512`) of the brick's values: the inverse of
+/// [`voxel_in_chunk`].
+pub fn voxel_in_brick(local: usize) -> [usize; 3] {
+    let (line, lane) = (local / LINE_VOXELS, local % LINE_VOXELS);
+    let o = line_origin(line);
+    [
+        o[0] + (lane & 3),
+        o[1] + (lane >> 3),
+        o[2] + ((lane >> 2) & 1),
+    ]
+}
+
+/// Lowest voxel of line `line` (in `0..16`) inside its brick.
+pub fn line_origin(line: usize) -> [usize; 3] {
+    [(line & 1) * 4, ((line >> 1) & 1) * 4, (line >> 2) * 2]
 }
 
 /// Lowest voxel of brick `brick` (in `0..64`) inside its chunk.
@@ -145,7 +175,8 @@ mod tests {
                     let at = voxel_in_chunk(x, y, z);
                     assert!(!core::mem::replace(&mut seen[at], true));
                     let o = brick_origin(at / BRICK_VOXELS);
-                    assert!(x - o[0] < BRICK && y - o[1] < BRICK && z - o[2] < BRICK);
+                    let inside = voxel_in_brick(at % BRICK_VOXELS);
+                    assert_eq!([x, y, z], [0, 1, 2].map(|a| o[a] + inside[a]));
                 }
             }
         }

@@ -8,6 +8,7 @@
 //! inputs give the same bits on every machine.
 #![forbid(unsafe_code)]
 
+mod aligned;
 pub mod bone;
 pub mod broad;
 pub mod carve;
@@ -15,6 +16,7 @@ pub mod chain;
 pub mod contact;
 pub mod cut;
 pub mod grid;
+mod lanes;
 pub mod merge;
 pub mod omni;
 pub mod plan;

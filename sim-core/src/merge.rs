@@ -1,9 +1,7 @@
 //! Taking over cut values from another holder of the same cut.
-#![expect(clippy::cast_possible_wrap, reason = "voxel indices are below 4096")]
-
 use crate::bone::{Bone, Occupancy};
 use crate::cut::{Cut, MAX_TOOLS};
-use crate::grid::{BRICK_VOXELS, BRICKS_PER_CHUNK, CHUNK, brick_origin};
+use crate::grid::{BRICK_VOXELS, BRICKS_PER_CHUNK};
 use crate::tissue::TISSUES;
 
 /// Where copied values belong.
@@ -32,8 +30,6 @@ pub fn merge(bone: &Bone, cut: &mut Cut, place: CopyPlace, values: &[i16]) -> bo
     }
     let occupancy = Occupancy::new(bone.grid());
     let data = bone.chunk(place.chunk);
-    let coord = bone.chunk_coord(place.chunk);
-    let corner = brick_origin(place.brick);
     let mut changed = false;
     for (n, &new) in values.iter().enumerate() {
         let local = place.first + n;
@@ -50,11 +46,6 @@ pub fn merge(bone: &Bone, cut: &mut Cut, place: CopyPlace, values: &[i16]) -> bo
         totals.by_class[usize::from(data.class[voxel]) % TISSUES] += units;
         totals.by_label[usize::from(data.label[voxel])] += units;
         totals.by_tool[usize::from(place.tool)] += units;
-        let inside = [local & 7, (local >> 3) & 7, local >> 6];
-        for a in 0..3 {
-            let index = usize::from(coord[a]) * CHUNK + corner[a] + inside[a];
-            totals.moment[a] += units * index as i64;
-        }
     }
     changed
 }

@@ -88,7 +88,8 @@ fn plunged_volumes_match_the_closed_forms() {
                     tool.id,
                     100.0 * error
                 );
-                assert!(error.abs() < 0.005, "{} {error}", tool.id);
+                // upright on the lattice every layer repeats the error of one circle, 8 voxels in radius
+                assert!(error.abs() < 0.007, "{} {error}", tool.id);
             }
         }
     }
@@ -160,16 +161,13 @@ fn culling_loses_no_voxel() {
         let mut compared = 0;
         for (chunk, truth) in truth.iter().enumerate() {
             for (voxel, &expected) in truth.iter().enumerate() {
-                let (local, brick) = (voxel % 512, voxel / 512);
-                let cell = (local >> 2 & 1) | (local >> 5 & 1) << 1 | (local >> 8 & 1) << 2;
-                let bony = bone.bony_cells(chunk, brick) >> cell & 1 == 1;
+                let (line, brick) = (voxel % 512 / 32, voxel / 512);
+                let bony = bone.bony_lines(chunk)[brick] >> line & 1 == 1;
                 if bony {
                     let got = cut.value(chunk, voxel);
-                    // the brute scan rounds in f64 per voxel: one unit of slack
-                    assert!(
-                        (i32::from(got) - i32::from(expected)).abs() <= 8,
-                        "{got} {expected}"
-                    );
+                    // the curvature correction grows the drill's cylinder by 9 µm: 281 units
+                    let grown = i32::from(expected) - i32::from(got);
+                    assert!((-8..=290).contains(&grown), "{got} {expected}");
                     compared += usize::from(expected != UNCUT);
                 }
             }

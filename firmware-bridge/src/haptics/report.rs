@@ -158,7 +158,7 @@ impl SessionReport {
         let grid = facts.scene.bone.grid();
         let totals = facts.cut.totals();
         let mm3 = |units: i64| Cut::mm3(grid, units);
-        let centroid = totals.centroid(grid);
+        let centroid = facts.cut.centroid(&facts.scene.bone);
         let plan_from_bone = facts.scene.bone_from_plan.inverse();
         let stats = facts.stats;
         Self {

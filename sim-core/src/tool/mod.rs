@@ -83,6 +83,13 @@ impl Shape {
         }
     }
 
+    /// Smallest radius of curvature of a face, mm; [`f32::MAX`] where all are flat.
+    pub fn smallest_radius_mm(&self) -> f32 {
+        match self {
+            Self::Revolved(solid) => solid.smallest_radius_mm(),
+        }
+    }
+
     /// Outline as (r, z) points in mm from the apex upwards, at most [`OUTLINE_POINTS`]: what a
     /// viewer turns on a lathe.
     pub fn outline(&self) -> Vec<[f32; 2]> {

@@ -9,10 +9,12 @@
 use super::ToolBox;
 use glam::{DVec3, Vec3};
 
-/// Most faces of a part: the bound of the carving kernel's tables.
+/// Most faces of a part.
 pub const MAX_FACES: usize = 6;
 /// Most parts of a solid.
 pub const MAX_PARTS: usize = 4;
+/// Most faces of a solid: the length of the carving kernel's tables.
+pub const MAX_ALL_FACES: usize = 12;
 
 /// The surface that a face lies on, in the (r, z) half plane; mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,6 +87,8 @@ pub enum RevolvedError {
     Faces(usize),
     /// No part, or more than [`MAX_PARTS`].
     Parts(usize),
+    /// More than [`MAX_ALL_FACES`] in all.
+    AllFaces(usize),
     /// A number of a face that is not finite or has the wrong sign; part and face.
     Number(usize, usize),
     /// A part that is empty or reaches beyond 500 mm from the origin: a face is missing.
@@ -96,6 +100,7 @@ impl core::fmt::Display for RevolvedError {
         match self {
             Self::Faces(part) => write!(f, "part {part} must have 1 to {MAX_FACES} faces"),
             Self::Parts(n) => write!(f, "{n} parts (a tool has 1 to {MAX_PARTS})"),
+            Self::AllFaces(n) => write!(f, "{n} faces in all (a tool has at most {MAX_ALL_FACES})"),
             Self::Number(part, face) => write!(
                 f,
                 "face {face} of part {part} has a number that is not finite or not positive where it must be"
@@ -143,6 +148,31 @@ impl Form {
                 (beyond * beyond + dz * dz).sqrt() - radius_mm
             }
         }
+    }
+
+    /// By how much a carved face is grown, mm, so that the surface read from the cut, linearly between
+    /// voxels, lies on it: h²∇²d/12, with the mean square spacing h² (mm²) and the Laplacian ∇²d of its
+    /// distance at most 2/h. Cones are not grown: they would need more the nearer the axis.
+    pub fn grown_mm(self, mean_square_spacing: f64) -> f64 {
+        let laplacian = match self {
+            Self::Cone {
+                normal_z,
+                offset_mm,
+                ..
+            } if normal_z == 0.0 => 1.0 / f64::from(offset_mm),
+            Self::Plane { .. } | Self::Cone { .. } => return 0.0,
+            Self::Ball { radius_mm, .. } => 2.0 / f64::from(radius_mm),
+            Self::Ring {
+                disc_mm, radius_mm, ..
+            } => {
+                // the second curvature falls from that of the rim to none: half of it
+                let (disc, radius) = (f64::from(disc_mm), f64::from(radius_mm));
+                let across = if disc > 0.0 { 0.5 } else { 1.0 };
+                1.0 / radius + across / (disc + radius)
+            }
+        };
+        let square = mean_square_spacing.max(0.0);
+        (square * laplacian).min(2.0 * square.sqrt()) / 12.0
     }
 
     fn is_sound(self) -> bool {
@@ -269,6 +299,10 @@ impl Revolved {
         if parts.is_empty() || parts.len() > MAX_PARTS {
             return Err(RevolvedError::Parts(parts.len()));
         }
+        let faces = parts.iter().map(|p| p.faces.len()).sum();
+        if faces > MAX_ALL_FACES {
+            return Err(RevolvedError::AllFaces(faces));
+        }
         let mut lo = DVec3::INFINITY;
         let mut hi = DVec3::NEG_INFINITY;
         for (n, part) in parts.iter().enumerate() {
@@ -364,6 +398,27 @@ impl Revolved {
         let r = (p.x * p.x + p.y * p.y).sqrt();
         let distances = self.parts.iter().map(|part| part.distance(r, p.z));
         distances.fold(f32::INFINITY, f32::min)
+    }
+
+    /// Smallest radius of curvature of a face, mm (a cone counts as its radius at mid-height);
+    /// [`f32::MAX`] where all are flat.
+    pub fn smallest_radius_mm(&self) -> f32 {
+        #[expect(clippy::cast_possible_truncation, reason = "below 500 mm")]
+        let widest = self.bounds.hi.x as f32;
+        let faces = self.parts.iter().flat_map(|part| &part.faces);
+        faces.fold(f32::MAX, |least, face| match face.form {
+            Form::Plane { .. } => least,
+            Form::Cone {
+                normal_z,
+                offset_mm,
+                ..
+            } => least.min(if normal_z == 0.0 {
+                offset_mm
+            } else {
+                0.5 * widest
+            }),
+            Form::Ball { radius_mm, .. } | Form::Ring { radius_mm, .. } => least.min(radius_mm),
+        })
     }
 
     /// Radius of the cross-section at height `z`, mm; `None` where there is none.

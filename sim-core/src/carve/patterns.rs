@@ -1,0 +1,43 @@
+//! Points that a pose's boxes and voxels have, relative to their node.
+#![expect(clippy::inline_always, reason = "lanes must melt into the job")]
+
+use super::node::Points;
+use crate::grid::line_origin;
+use crate::lanes::Lanes;
+
+/// The 16 voxels of the first layer of line `place` (0 to 3), from the brick's first voxel.
+#[inline(always)]
+pub(super) fn layer<L: Lanes>(l: L, h: [f32; 3], place: usize) -> Points<L::F> {
+    let (mut x, mut y) = ([0.0; 16], [0.0; 16]);
+    for n in 0..16 {
+        x[n] = h[0] * (4 * (place & 1) + (n & 3)) as f32;
+        y[n] = h[1] * (4 * (place >> 1) + (n >> 2)) as f32;
+    }
+    Points::new(l, [l.load(&x), l.load(&y), l.splat(0.0)])
+}
+
+/// The middles of 16 bricks of a chunk, from the chunk's middle (15.5 voxels from its first; a brick's
+/// is 3.5 from its own).
+#[inline(always)]
+pub(super) fn brick_layer<L: Lanes>(l: L, h: [f32; 3], layer: usize) -> Points<L::F> {
+    let (mut x, mut y) = ([0.0; 16], [0.0; 16]);
+    for n in 0..16 {
+        x[n] = h[0] * (8.0 * (n & 3) as f32 - 12.0);
+        y[n] = h[1] * (8.0 * (n >> 2) as f32 - 12.0);
+    }
+    let z = l.splat(h[2] * (8.0 * layer as f32 - 12.0));
+    Points::new(l, [l.load(&x), l.load(&y), z])
+}
+
+/// The middles of the 16 lines of a brick, from its first voxel.
+#[inline(always)]
+pub(super) fn line_middles<L: Lanes>(l: L, h: [f32; 3]) -> Points<L::F> {
+    let mut at = [[0.0; 16]; 3];
+    for line in 0..16 {
+        let o = line_origin(line);
+        for a in 0..3 {
+            at[a][line] = h[a] * (o[a] as f32 + [1.5, 1.5, 0.5][a]);
+        }
+    }
+    Points::new(l, [l.load(&at[0]), l.load(&at[1]), l.load(&at[2])])
+}

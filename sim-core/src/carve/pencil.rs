@@ -1,0 +1,130 @@
+//! Lines of one brick: lowered without a branch on what they hold, then booked.
+#![expect(clippy::inline_always, reason = "lanes must melt into the job")]
+
+use super::ledger::Ledger;
+use crate::bone::{Bone, ChunkData};
+use crate::cut::{Cut, Totals};
+use crate::grid::{BRICK_VOXELS, LINE_VOXELS, LINES_PER_BRICK};
+use crate::lanes::Lanes;
+
+/// The stored values of a line.
+type Line = [i16; LINE_VOXELS];
+/// Room for what each line of a brick loses, units.
+pub(super) type Losses<L> = [<L as Lanes>::I; LINES_PER_BRICK];
+
+/// Writes lines of one brick.
+pub(super) struct Pencil<'a, L: Lanes> {
+    l: L,
+    values: &'a mut [Line],
+    totals: &'a mut Totals,
+    data: ChunkData<'a>,
+    solid: &'a [Line],
+    // first voxel of the brick in its chunk's arrays
+    base: usize,
+    mixed: u16,
+    // none for no account
+    occupancy: Option<[i16; 3]>,
+    // lines with a changed value, and with a changed volume
+    changed: u16,
+    losing: u16,
+    losses: &'a mut Losses<L>,
+}
+
+impl<'a, L: Lanes> Pencil<'a, L> {
+    /// For brick `brick` of chunk `chunk`.
+    #[inline(always)]
+    pub(super) fn new(
+        l: L,
+        (bone, cut): (&'a Bone, &'a mut Cut),
+        (chunk, brick): (usize, usize),
+        occupancy: Option<[i16; 3]>,
+        losses: &'a mut Losses<L>,
+    ) -> Self {
+        let data = bone.chunk(chunk);
+        let base = brick * BRICK_VOXELS;
+        let (values, totals) = cut.brick_and_totals(chunk, brick);
+        Self {
+            l,
+            values: values.as_chunks_mut().0,
+            totals,
+            solid: data.solid[base..base + BRICK_VOXELS].as_chunks().0,
+            data,
+            base,
+            mixed: bone.mixed_lines(chunk)[brick],
+            occupancy,
+            changed: 0,
+            losing: 0,
+            losses,
+        }
+    }
+
+    /// Fills lines with the lowest value.
+    #[inline(always)]
+    pub(super) fn fill(&mut self, mut lines: u16) {
+        while lines != 0 {
+            let line = lines.trailing_zeros() as usize;
+            lines &= lines - 1;
+            self.lower(line, self.l.splat_i(-i16::MAX));
+        }
+    }
+
+    /// Takes the smaller values.
+    #[inline(always)]
+    pub(super) fn lower(&mut self, line: usize, new: L::I) {
+        let l = self.l;
+        let line = line % LINES_PER_BRICK;
+        let values = &mut self.values[line];
+        let old = l.load_i(values);
+        let new = l.min_i(new, old);
+        l.store_i(new, values);
+        self.changed |= u16::from(l.any_less(new, old)) << line;
+        if let Some(occupancy) = self.occupancy {
+            let solid = l.load_i(&self.solid[line]);
+            let before = units(l, occupancy, l.min_i(solid, old));
+            let after = units(l, occupancy, l.min_i(solid, new));
+            let loss = l.sub_i(before, after);
+            self.losses[line] = loss;
+            self.losing |= u16::from(l.not_zero(loss) != 0) << line;
+        }
+    }
+
+    /// Books what was removed; true where a value changed.
+    #[inline(always)]
+    pub(super) fn close(&mut self, ledger: &mut Ledger<L>) -> bool {
+        let mut losing = self.losing;
+        while losing != 0 {
+            let line = losing.trailing_zeros() as usize % LINES_PER_BRICK;
+            losing &= losing - 1;
+            let at = self.base + line * LINE_VOXELS;
+            let (Some(class), Some(label)) = (
+                self.data.class[at..].first_chunk(),
+                self.data.label[at..].first_chunk(),
+            ) else {
+                continue;
+            };
+            let loss = self.losses[line];
+            if self.mixed >> line & 1 == 0 {
+                ledger.add(loss, (class[0], label[0]), self.totals);
+                continue;
+            }
+            let mut lanes = self.l.not_zero(loss);
+            while lanes != 0 {
+                let n = lanes.trailing_zeros() as usize;
+                let kind = (class[n], label[n]);
+                let same = self.l.equal_bytes(class, kind.0) & self.l.equal_bytes(label, kind.1);
+                ledger.add(self.l.keep(loss, same), kind, self.totals);
+                lanes &= !same;
+            }
+        }
+        self.changed != 0
+    }
+}
+
+/// Occupancy of stored distances, up to a constant ([`crate::bone::Occupancy`]).
+#[inline(always)]
+fn units<L: Lanes>(l: L, [half, narrow, wide]: [i16; 3], d: L::I) -> L::I {
+    let near = l.max_i(l.min_i(d, l.splat_i(half)), l.splat_i(-half));
+    let far = l.max_i(l.min_i(d, l.splat_i(2 * half)), l.splat_i(-2 * half));
+    let near = l.mul_round(near, l.splat_i(narrow));
+    l.sub_i(near, l.mul_round(far, l.splat_i(wide)))
+}
