@@ -165,13 +165,14 @@ impl Piece {
         0.5 * (lo + hi)
     }
 
-    /// Where the piece begins in a point on the axis, steep enough to be a tip: its height.
-    fn tip(&self) -> Option<f32> {
+    /// Where the piece begins in a point on the axis, steep enough to be a tip: the height there of
+    /// what lies `depth` below the surface, mm.
+    fn tip(&self, depth: f32) -> Option<f32> {
         let Curve::Line { normal, .. } = self.curve else {
             return None;
         };
         let [r, z, ..] = self.curve.at(self.range[0]);
-        (normal[1] < -0.1 && normal[0] > 0.2 && r < SIDE_MM).then_some(z)
+        (normal[1] < -0.1 && normal[0] > 0.2 && r < SIDE_MM).then(|| z - depth / normal[1])
     }
 }
 
@@ -187,7 +188,10 @@ pub fn of_revolved(solid: &Revolved) -> Vec<Element> {
             .copied()
             .collect();
         let total: f32 = of_kind.iter().map(Piece::area).sum();
-        let budget = (total / each).clamp(f32::from(least), f32::from(most));
+        // room for the fewest of every piece
+        let room = MAX_ELEMENTS.saturating_sub(elements.len() + usize::from(LEAST) * of_kind.len());
+        let wanted = (total / each).clamp(f32::from(least), f32::from(most));
+        let budget = wanted.min(room as f32);
         for piece in of_kind {
             let count = (budget * piece.area() / total).round();
             place(&piece, count.max(f32::from(LEAST)), &mut elements);
@@ -200,11 +204,11 @@ pub fn of_revolved(solid: &Revolved) -> Vec<Element> {
 fn place(piece: &Piece, count: f32, elements: &mut Vec<Element>) {
     let relief = if piece.cutting { 0.0 } else { RELIEF_MM };
     let mut area = piece.area();
-    if let Some(z) = piece.tip() {
+    if let Some(z) = piece.tip(relief) {
         let area_mm2 = TIP_MM2.min(0.01 * area);
         area -= area_mm2;
         elements.push(Element {
-            position: Vec3::new(0.0, 0.0, z + relief),
+            position: Vec3::new(0.0, 0.0, z),
             normal: Vec3::NEG_Z,
             area_mm2,
             radius_mm: 0.0,
@@ -216,6 +220,11 @@ fn place(piece: &Piece, count: f32, elements: &mut Vec<Element>) {
         let [r, z, nr, nz] = piece.curve.at(piece.share((n + 0.5) / count));
         let (r, z) = (r - relief * nr, z - relief * nz);
         let (cos, sin) = (libm::cosf(n * GOLDEN_ANGLE), libm::sinf(n * GOLDEN_ANGLE));
+        n += 1.0;
+        if r < 0.0 {
+            // the relief of a point on the axis
+            continue;
+        }
         elements.push(Element {
             position: Vec3::new(r * cos, r * sin, z),
             normal: Vec3::new(nr * cos, nr * sin, nz),
@@ -223,7 +232,6 @@ fn place(piece: &Piece, count: f32, elements: &mut Vec<Element>) {
             radius_mm: r,
             cutting: piece.cutting,
         });
-        n += 1.0;
     }
 }
 
@@ -307,18 +315,20 @@ fn is_exposed(solid: &Revolved, (part, face): (usize, usize), [r, z, nr, nz]: Sp
     if r < 0.0 || !own.faces.iter().enumerate().all(clear) {
         return false;
     }
+    // rounding of a distance
+    let touch = 2.4e-7 * (r + z.abs());
     solid.parts.iter().enumerate().all(|(n, other)| {
         if n == part {
             return true;
         }
-        let outside = other.distance((r + SIDE_MM * nr).max(0.0), z + SIDE_MM * nz);
-        if outside < margin.max(0.0) {
-            return false;
+        let distance = other.distance(r, z);
+        if distance.abs() > touch {
+            return distance >= margin.max(0.0);
         }
-        // of two parts that share a face the first has it
-        let shared = n < part
-            && other.distance(r, z).abs() < 0.1 * SIDE_MM
-            && other.distance((r - SIDE_MM * nr).max(0.0), z - SIDE_MM * nz) < 0.0;
-        !shared
+        let along = |way: f32| other.distance((r + way * nr).max(0.0), z + way * nz);
+        // two parts that touch bury each other's faces; of a face that they share the first has it
+        let buried = along(SIDE_MM) < 0.5 * SIDE_MM;
+        let shared = n < part && along(-SIDE_MM) < 0.0;
+        !buried && !shared
     })
 }

@@ -1,19 +1,28 @@
-//! Tools: solids of revolution with an exact signed distance, and their surface elements.
+//! Tools: solids of revolution with an exact signed distance, or any mesh with a sampled one; and
+//! their surface elements.
 //!
 //! Tool frame: origin at the apex of the tip, z from the tip towards the shank; mm. Drilling goes
 //! along −z.
 
+pub mod bvh;
 pub mod elements;
+pub mod mesh;
 pub mod revolved;
+pub mod sdf_grid;
 
 use glam::{DVec3, Vec3};
+use mesh::Mesh;
 use revolved::Revolved;
+use sdf_grid::SdfGrid;
+use std::sync::Arc;
 
 /// The shape of a tool's head.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
     /// A solid of revolution about z.
     Revolved(Revolved),
+    /// Any shape, sampled; shared by the threads that carve.
+    Grid(Arc<SdfGrid>),
 }
 
 /// A small piece of the tool's surface.
@@ -74,6 +83,7 @@ impl Shape {
     pub fn signed_distance(&self, p: Vec3) -> f32 {
         match self {
             Self::Revolved(solid) => solid.signed_distance(p),
+            Self::Grid(grid) => grid.signed_distance(p),
         }
     }
 
@@ -81,6 +91,7 @@ impl Shape {
     pub fn bounds(&self) -> ToolBox {
         match self {
             Self::Revolved(solid) => solid.bounds,
+            Self::Grid(grid) => grid.bounds,
         }
     }
 
@@ -98,6 +109,7 @@ impl Shape {
             let z = lo + (hi - lo) * t * t;
             let r = match self {
                 Self::Revolved(solid) => solid.radius_at(z).unwrap_or(0.0),
+                Self::Grid(grid) => grid.radius_at(z),
             };
             [r, z]
         }));
@@ -120,6 +132,28 @@ impl Tool {
             id: id.to_owned(),
             elements: elements::of_revolved(&solid),
             shape: Shape::Revolved(solid),
+            rpm,
+            lips,
+            colour,
+        }
+    }
+
+    /// A tool made of triangles: `grid` is its distance. Elements at or below the height
+    /// `cutting_below_mm` cut, those above are smooth. `spindle` as in [`Tool::revolved`].
+    pub fn meshed(
+        [name, id]: [&str; 2],
+        mesh: &Mesh,
+        grid: Arc<SdfGrid>,
+        (rpm, lips): (f64, u8),
+        colour: [u8; 3],
+        cutting_below_mm: f32,
+    ) -> Self {
+        let outside = |p| grid.signed_distance(p) > 0.0;
+        Self {
+            name: name.to_owned(),
+            id: id.to_owned(),
+            elements: mesh.elements(cutting_below_mm, &outside),
+            shape: Shape::Grid(grid),
             rpm,
             lips,
             colour,
