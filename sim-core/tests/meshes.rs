@@ -104,7 +104,7 @@ fn an_inverted_sphere_is_the_sphere() {
     assert_eq!(a.dims, b.dims);
     let worst = (a.values.iter().zip(&b.values)).map(|(x, y)| (x - y).abs());
     assert!(worst.max() <= Some(1));
-    for e in mesh(turned(&whole)).elements(9.0, &|_| true) {
+    for e in mesh(turned(&whole)).elements(9.0) {
         assert!(e.normal.dot(e.position) > 0.9 * R, "outwards");
     }
 }

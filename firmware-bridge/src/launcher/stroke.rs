@@ -18,9 +18,15 @@ const REACH_MM: f64 = 15.0;
 
 /// The stroke for a scene. The device's base is registered so that its z is the plan's axis, so a
 /// height over the plan is a z in the base frame. Button 1 is the spindle, button 2 the next tool.
-pub(crate) fn drill_and_ream(scene: &Scene) -> anyhow::Result<Stroke> {
-    let drill = touch(scene, &Tool::peg_drill())?;
-    let ream = touch(scene, &Tool::glenoid_reamer())?;
+pub(crate) fn drill_and_ream(scene: &Scene, tools: &[Tool]) -> anyhow::Result<Stroke> {
+    let [drill, ream, ..] = tools else {
+        bail!(
+            "--tools: {} tool; the demonstration drills with the first and reams with the second, so list a drill and a reamer, or run 'osteon haptics'",
+            tools.len()
+        );
+    };
+    let drill = touch(scene, drill)?;
+    let ream = touch(scene, ream)?;
     let away = drill.max(ream) + APPROACH_MM;
     let at = |name: &str, z: f64, speed: f64, timeout: f64| Segment {
         name: name.to_owned(),

@@ -121,6 +121,9 @@ impl Mesh {
         if triangles.len() > MAX_TRIANGLES {
             return Err(MeshError::TooMany(triangles.len()));
         }
+        if triangles.len() < 4 {
+            return Err(MeshError::TooFew(triangles.len()));
+        }
         let [lo, hi] = checked_box(&triangles)?;
         let given = triangles.len();
         let names = weld(&triangles);
@@ -203,13 +206,13 @@ impl Mesh {
     }
 
     /// Surface elements: those at or below `cutting_below_mm` (z) cut, those above are smooth and
-    /// relieved. `outside` says whether a point lies outside the solid: faces buried in it have none.
+    /// relieved. Faces buried in another body have none.
     #[expect(clippy::cast_possible_truncation, reason = "an area in mm²")]
-    pub fn elements(&self, cutting_below_mm: f32, outside: &dyn Fn(Vec3) -> bool) -> Vec<Element> {
+    pub fn elements(&self, cutting_below_mm: f32) -> Vec<Element> {
         let area_mm2 = (self.area_mm2() / f64::from(ELEMENTS)) as f32;
         self.spread(ELEMENTS)
             .into_iter()
-            .filter(|(p, n)| outside(*p + *n * BURIED_MM))
+            .filter(|(p, n)| self.winding(*p + *n * BURIED_MM) < 0.5)
             .map(|(p, normal)| {
                 let cutting = p.z <= cutting_below_mm;
                 let relief = if cutting { 0.0 } else { RELIEF_MM };
@@ -286,9 +289,6 @@ fn checked_box(triangles: &[Triangle]) -> Result<[Vec3; 2], MeshError> {
             lo = lo.min(*v);
             hi = hi.max(*v);
         }
-    }
-    if triangles.is_empty() {
-        return Err(MeshError::TooFew(0));
     }
     let extent = (hi.as_dvec3() - lo.as_dvec3()).max_element();
     #[expect(clippy::cast_possible_truncation, reason = "said to people")]

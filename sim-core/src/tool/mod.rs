@@ -148,11 +148,10 @@ impl Tool {
         colour: [u8; 3],
         cutting_below_mm: f32,
     ) -> Self {
-        let outside = |p| grid.signed_distance(p) > 0.0;
         Self {
             name: name.to_owned(),
             id: id.to_owned(),
-            elements: mesh.elements(cutting_below_mm, &outside),
+            elements: mesh.elements(cutting_below_mm),
             shape: Shape::Grid(grid),
             rpm,
             lips,

@@ -289,6 +289,11 @@ fn chord(radius: f32, dz: f32) -> Option<f32> {
 impl Revolved {
     /// Checks the parts and finds their box.
     pub fn new(parts: Vec<Part>) -> Result<Self, RevolvedError> {
+        let bounds = Self::box_around(&parts)?;
+        Ok(Self { parts, bounds })
+    }
+
+    fn box_around(parts: &[Part]) -> Result<ToolBox, RevolvedError> {
         if parts.is_empty() || parts.len() > MAX_PARTS {
             return Err(RevolvedError::Parts(parts.len()));
         }
@@ -305,8 +310,7 @@ impl Revolved {
             lo = lo.min(DVec3::new(-radius, -radius, low));
             hi = hi.max(DVec3::new(radius, radius, high));
         }
-        let bounds = ToolBox { lo, hi };
-        Ok(Self { parts, bounds })
+        Ok(ToolBox { lo, hi })
     }
 
     /// A shallow dome: a ball of the second radius cut by a cylinder of the first, up to a height; mm.
@@ -365,13 +369,13 @@ impl Revolved {
             cutting: false,
         }));
         let (r, z) = (f64::from(radius), f64::from(height));
-        Self {
-            parts: vec![Part { faces }],
-            bounds: ToolBox {
-                lo: DVec3::new(-r, -r, 0.0),
-                hi: DVec3::new(r, r, z),
-            },
-        }
+        let parts = vec![Part { faces }];
+        // the same numbers, to a rounding, where they make no solid
+        let bounds = Self::box_around(&parts).unwrap_or(ToolBox {
+            lo: DVec3::new(-r, -r, 0.0),
+            hi: DVec3::new(r, r, z),
+        });
+        Self { parts, bounds }
     }
 
     /// Signed distance of a point in the tool frame, mm, negative inside; see the module.
