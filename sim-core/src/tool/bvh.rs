@@ -239,31 +239,44 @@ fn box_distance2(node: &Node, p: Vec3) -> f32 {
     beyond.length_squared() * (1.0 - 1e-6)
 }
 
-/// Squared distance to a triangle: to its plane where the foot lies inside, else to an edge. A
-/// needle or a point has edges only.
+/// Squared distance to a triangle: to its plane where the foot lies inside, else to an edge. A point
+/// or a line has edges only.
 fn triangle_distance2(t: &Triangle, p: DVec3) -> f64 {
-    let [a, b, c] = t.map(Vec3::as_dvec3);
-    let normal = (b - a).cross(c - a);
-    let length2 = normal.length_squared();
-    let beside = |from: DVec3, to: DVec3| (to - from).cross(p - from).dot(normal) >= 0.0;
-    if length2 > 0.0 && beside(a, b) && beside(b, c) && beside(c, a) {
-        let height = normal.dot(p - a);
-        return height * height / length2;
+    let [a, b, c] = t.map(|v| v.as_dvec3() - p);
+    let (ab, bc, ca) = (b - a, c - b, a - c);
+    let normal = ab.cross(bc);
+    // across each edge, in the plane, outwards where negative
+    let across = [
+        ab.cross(normal).dot(a),
+        bc.cross(normal).dot(b),
+        ca.cross(normal).dot(c),
+    ];
+    if across.iter().all(|s| *s >= 0.0) {
+        let length2 = normal.length_squared();
+        if length2 > 0.0 {
+            let height = normal.dot(a);
+            return height * height / length2;
+        }
     }
-    edge_distance2(a, b, p)
-        .min(edge_distance2(b, c, p))
-        .min(edge_distance2(c, a, p))
+    // the foot lies beyond one edge, or two at a corner: the others are farther
+    let mut best = f64::INFINITY;
+    for (beyond, from, along) in [(across[0], a, ab), (across[1], b, bc), (across[2], c, ca)] {
+        if beyond <= 0.0 {
+            best = best.min(edge_distance2(from, along));
+        }
+    }
+    best
 }
 
-fn edge_distance2(a: DVec3, b: DVec3, p: DVec3) -> f64 {
-    let along = b - a;
+/// Squared distance from the origin to an edge.
+fn edge_distance2(from: DVec3, along: DVec3) -> f64 {
     let length2 = along.length_squared();
     let share = if length2 > 0.0 {
-        ((p - a).dot(along) / length2).clamp(0.0, 1.0)
+        (-from.dot(along) / length2).clamp(0.0, 1.0)
     } else {
         0.0
     };
-    (p - a - along * share).length_squared()
+    (from + along * share).length_squared()
 }
 
 /// Solid angle of a triangle seen from `p`, sr, positive from inside: A. van Oosterom, J. Strackee,

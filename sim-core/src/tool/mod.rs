@@ -74,6 +74,14 @@ pub struct ToolBox {
 /// Colour of surgical steel, sRGB.
 pub const STEEL: [u8; 3] = [196, 202, 210];
 
+impl ToolBox {
+    /// Farthest that it reaches from the axis along x or y, mm.
+    pub fn reach_mm(&self) -> f64 {
+        let reach = self.lo.abs().max(self.hi.abs());
+        reach.x.max(reach.y)
+    }
+}
+
 /// Points of an outline that a viewer turns on a lathe.
 pub const OUTLINE_POINTS: usize = 64;
 

@@ -227,12 +227,15 @@ impl SdfGrid {
         let mut layer = Vec::with_capacity(nx * ny);
         let h = self.spacing_mm * stride as f32 * 1.001;
         let mut hint = 0;
+        // of the first node in the row before
+        let mut below: Option<(f32, bool)> = None;
         for j in 0..ny {
-            let mut before: Option<(f32, bool)> = None;
+            let mut before = below;
             for i in 0..nx {
                 if let Some(value) = known(i, j) {
                     layer.push(value);
-                    before = None;
+                    before = Some((BAND_MM, value < 0));
+                    below = if i == 0 { before } else { below };
                     continue;
                 }
                 let p = self.node([i * stride, j * stride, k * stride]);
@@ -243,6 +246,7 @@ impl SdfGrid {
                     _ => mesh.winding(p) > 0.5,
                 };
                 before = Some((distance, inside));
+                below = if i == 0 { before } else { below };
                 layer.push(quantise(if inside { -distance } else { distance }));
             }
         }
