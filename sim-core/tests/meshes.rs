@@ -11,7 +11,7 @@ mod common;
 
 use common::shapes::{ball, fine_sphere, holed, lathe, sphere, turned, volume};
 use glam::Vec3;
-use osteon_sim_core::tool::bvh::Triangle;
+use osteon_sim_core::tool::bvh::{Bvh, Triangle};
 use osteon_sim_core::tool::mesh::{Mesh, MeshError};
 use osteon_sim_core::tool::sdf_grid::{BAND_MM, SdfGrid, UNIT_MM, one_by_one};
 use osteon_sim_core::tool::{MAX_ELEMENTS, Tool};
@@ -270,4 +270,31 @@ fn the_drill_of_triangles_is_the_drill_of_faces() {
     let outline = tool.shape.outline();
     let widest = outline.iter().map(|[r, _]| *r).fold(0.0, f32::max);
     assert!((widest - 4.0).abs() < 0.02, "{widest}");
+}
+
+#[test]
+fn the_tree_agrees_with_every_triangle_by_itself() {
+    let point = 4.0 / libm::tanf(59f32.to_radians());
+    let drill = lathe(&[[0.0, 0.0], [4.0, point], [4.0, 40.0], [0.0, 40.0]], 90);
+    for triangles in [sphere(R, 3), holed(&sphere(R, 4), 40.0), drill] {
+        let tree = Bvh::new(&triangles);
+        let alone: Vec<Bvh> = triangles.iter().map(|t| Bvh::new(&[*t])).collect();
+        let (mut off, mut hint) = (0.0f32, 0);
+        for (n, p) in common::shapes::cloud(400).enumerate() {
+            let p = p * (0.3 + (n % 61) as f32 * 0.25);
+            let nearest = alone.iter().map(|t| t.nearest(p, f32::MAX));
+            let truth = nearest.fold(f32::MAX, f32::min);
+            let (got, number) = tree.nearest_from(p, hint);
+            hint = number;
+            assert_eq!((got, tree.nearest(p, f32::MAX)), (truth, truth));
+            assert_eq!(tree.nearest(p, 0.5 * truth), 0.5 * truth);
+            let turns: f32 = alone.iter().map(|t| t.winding(p, f32::MAX)).sum();
+            off = off.max((tree.winding(p, 2.0) - turns).abs());
+        }
+        println!(
+            "{} triangles: winding number off by {off:.4}",
+            triangles.len()
+        );
+        assert!(off < 0.05, "{off}");
+    }
 }

@@ -24,6 +24,10 @@ struct Node {
     radius: f32,
     /// Sum of the area vectors, mm².
     dipole: Vec3,
+    /// Unit normal of a slab about the centre that holds all triangles, and half its thickness, mm:
+    /// for a small piece of a smooth surface much thinner than the box.
+    normal: Vec3,
+    depth: f32,
     /// A leaf's first triangle, or a branch's right child (the left one follows it in the list).
     at: u32,
     /// A leaf's number of triangles; 0 for a branch.
@@ -143,7 +147,7 @@ impl Bvh {
             }
             // the nearer child on top
             let [left, right] =
-                [own + 1, node.at].map(|n| (n, box_distance2(&self.nodes[n as usize], p)));
+                [own + 1, node.at].map(|n| (n, least_distance2(&self.nodes[n as usize], p)));
             let pair = if left.1 <= right.1 {
                 [right, left]
             } else {
@@ -221,10 +225,16 @@ fn summary(items: &[(Vec3, u32)], all: &[Triangle]) -> Node {
     } else {
         0.5 * (lo + hi)
     };
+    let normal = dipole.normalize_or_zero().as_vec3();
+    let off = |v: &Vec3| (*v - centre).dot(normal).abs();
+    let corners = items.iter().flat_map(|(_, n)| &all[*n as usize]);
+    let depth = corners.map(off).fold(0.0, f32::max);
     Node {
         lo,
         hi,
         centre,
+        normal,
+        depth,
         // the farthest corner of the box holds for every triangle in it
         radius: (centre - lo).max(hi - centre).length(),
         dipole: dipole.as_vec3(),
@@ -233,10 +243,14 @@ fn summary(items: &[(Vec3, u32)], all: &[Triangle]) -> Node {
     }
 }
 
-fn box_distance2(node: &Node, p: Vec3) -> f32 {
+/// Lower bound of the squared distance to a node's triangles: to its box and to its slab, less
+/// rounding errors, so that neither hides a triangle that touches its side.
+fn least_distance2(node: &Node, p: Vec3) -> f32 {
     let beyond = (node.lo - p).max(p - node.hi).max(Vec3::ZERO);
-    // less a rounding error, so that a box never hides a triangle that touches its side
-    beyond.length_squared() * (1.0 - 1e-6)
+    let way = p - node.centre;
+    let slab = way.dot(node.normal).abs() - node.depth - 2e-6 * (way.length() + node.radius);
+    let slab = slab.max(0.0);
+    beyond.length_squared().max(slab * slab) * (1.0 - 1e-6)
 }
 
 /// Squared distance to a triangle: to its plane where the foot lies inside, else to an edge. A point
