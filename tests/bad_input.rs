@@ -236,6 +236,60 @@ fn plans_that_lead_nowhere() {
 }
 
 #[test]
+fn tools_that_cannot_be() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    // a header of ten million triangles
+    let mut huge = [0u8; 84];
+    huge[80..].copy_from_slice(&10_000_000u32.to_le_bytes());
+    file(dir, "huge.stl", &huge);
+    file(dir, "empty.stl", b"");
+    let tool = |id: &str, shape: &str| {
+        format!("[[tool]]\nname = 'X'\nid = '{id}'\nrpm = 900\nlips = 2\n{shape}\n")
+    };
+    let ball = "[[tool.part]]\nball = { radius_mm = 3, centre_mm = 3 }";
+    let mesh = |name: &str| tool("x", &format!("[tool.mesh]\nfile = '{name}'"));
+    for (name, text, words) in [
+        ("words.toml", "no tools".to_owned(), ["line 1", "examples"]),
+        ("none.toml", String::new(), ["0 tools", "1 to 8"]),
+        (
+            "open.toml",
+            tool("x", "[[tool.part]]\ncylinder = { radius_mm = 3 }"),
+            ["part 1", "from_mm"],
+        ),
+        ("huge.toml", mesh("huge.stl"), ["huge.stl", "decimate"]),
+        (
+            "empty.toml",
+            mesh("empty.stl"),
+            ["empty.stl", "no triangle"],
+        ),
+        (
+            "lost.toml",
+            mesh("lost.stl"),
+            ["lost.stl", "check the path"],
+        ),
+    ] {
+        let path = file(dir, name, text.as_bytes());
+        refused(dir, &["haptics", "--tools", &path], &words);
+        refused(dir, &["demo", "--headless", "--tools", &path], &words);
+    }
+    let missing = dir.join("missing.toml").display().to_string();
+    refused(
+        dir,
+        &["haptics", "--tools", &missing],
+        &["missing.toml", "--tools"],
+    );
+    // one tool is enough for a session, not for the demonstration
+    let one = file(dir, "one.toml", tool("x", ball).as_bytes());
+    let args = ["demo", "--headless", "--voxel-mm", "2", "--tools", &one];
+    refused(
+        dir,
+        &args,
+        &["1 tool", "a drill and a reamer", "osteon haptics"],
+    );
+}
+
+#[test]
 fn viewers_and_folders_that_cannot_be() {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();

@@ -1,7 +1,7 @@
 //! The haptics process of Osteon and everything that opens, waits or logs around the numbers.
 //!
 //! * [`link`]: devices on a cable; [`fake`]: a simulated one as a process of its own.
-//! * [`scene`]: a bone from a CT or from the built-in phantom.
+//! * [`scene`]: a bone from a CT or from the built-in phantom; [`tools`]: tools from a file.
 //! * [`haptics`]: the servo thread, its publisher, its sessions; [`rt`]: what it asks of the system.
 //! * [`launcher`]: the demonstration; [`doctor`]: what this machine can do; [`stop`]: how a process is asked to
 //!   end.
@@ -19,3 +19,4 @@ pub mod progress;
 pub mod rt;
 pub mod scene;
 pub mod stop;
+pub mod tools;

@@ -342,7 +342,7 @@ fn cutting_law(
         count = 1.0;
     }
     let rho2 = (density / count) * (density / count);
-    let smallest = config.min_radius * state.tool.shape.bounds().hi.x;
+    let smallest = config.min_radius * state.tool.shape.bounds().reach_mm();
     let speed = state.omega_rad_s * radius_mm.max(smallest);
     let viscous = config.feed_ratio * config.energy_n_per_mm2 * rho2 / (speed * config.tick_s);
     (

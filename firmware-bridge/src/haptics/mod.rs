@@ -23,6 +23,7 @@ pub use report::SessionReport;
 pub use stats::{LATE_NS, Quantiles};
 
 use crate::scene::SceneArgs;
+use crate::tools::ToolArgs;
 use std::path::PathBuf;
 
 /// Options of the haptics process.
@@ -37,6 +38,9 @@ pub struct HapticsArgs {
     /// The bone.
     #[command(flatten)]
     pub scene: SceneArgs,
+    /// The tools.
+    #[command(flatten)]
+    pub tools: ToolArgs,
     /// End the session after this many seconds [default: run until Ctrl-C or Stop]
     #[arg(long, value_name = "S", value_parser = positive)]
     pub seconds: Option<f64>,

@@ -18,6 +18,7 @@ use crate::progress::Progress;
 use crate::rt::{self, RtReport};
 use crate::scene::{self, Scene};
 use crate::stop;
+use crate::tools::{self, Detail, LoadedTools};
 use anyhow::{Context as _, anyhow, bail};
 use osteon_protocol::ipc::{Digest, ToViewer, ToolInfo};
 use osteon_protocol::ipc_frame::clip;
@@ -52,7 +53,10 @@ pub(crate) fn run(args: &HapticsArgs) -> anyhow::Result<()> {
         rt::die_with_parent().context("cannot ask to end with the parent process")?;
     }
     let stop = stop::on_signals()?;
-    let tools = Tool::standard_set();
+    let LoadedTools { tools, notes } = tools::load(&args.tools, Detail::Full)?;
+    for note in notes {
+        warn(&note);
+    }
     let mut progress = Progress::new("loading bone");
     let scene = scene::load(&args.scene, &mut |stage, share| progress.show(stage, share))?;
     progress.finish();

@@ -12,6 +12,7 @@ pub use disturb::Disturbance;
 pub use truth::PoseError;
 
 use crate::scene::SceneArgs;
+use crate::tools::ToolArgs;
 use std::path::PathBuf;
 
 /// Options of the demonstration.
@@ -20,6 +21,9 @@ pub struct DemoArgs {
     /// The bone.
     #[command(flatten)]
     pub scene: SceneArgs,
+    /// The tools.
+    #[command(flatten)]
+    pub tools: ToolArgs,
     /// No window: the viewer process draws offscreen
     #[arg(long)]
     pub headless: bool,

@@ -75,10 +75,22 @@ impl Figures<'_> {
         self.0.pointer(path).and_then(Value::as_str).unwrap_or("-")
     }
 
+    /// What each tool has removed, in the order of their names.
+    fn by_tool(&self) -> String {
+        let Some(tools) = self.0["removed_by_tool_mm3"].as_object() else {
+            return "-".to_owned();
+        };
+        let each = tools.iter().map(|(id, mm3)| {
+            let mm3 = mm3.as_f64().unwrap_or(0.0);
+            format!("{} {mm3:.1}", id.replace('_', " "))
+        });
+        each.collect::<Vec<_>>().join(", ")
+    }
+
     fn bone(&self) -> String {
         format!(
             "  bone        {}\n              {} mm3 solid, {} of {} chunks, voxels {} mm\n  \
-             removed     {} mm3: peg drill {}, reamer {}; centroid {} mm off the planned axis\n  \
+             removed     {} mm3: {}; centroid {} mm off the planned axis\n  \
              force       peak {} N at the stylus",
             self.word("/bone/source"),
             self.number("/bone/solid_mm3", 0),
@@ -86,8 +98,7 @@ impl Figures<'_> {
             self.number("/bone/chunks_total", 0),
             self.0["bone"]["spacing_mm"],
             self.number("/removed_mm3", 1),
-            self.number("/removed_by_tool_mm3/peg_drill", 1),
-            self.number("/removed_by_tool_mm3/reamer", 1),
+            self.by_tool(),
             self.number("/removed_centroid_off_axis_mm", 2),
             self.number("/peak_force_n", 2)
         )

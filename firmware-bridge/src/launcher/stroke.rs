@@ -18,9 +18,15 @@ const REACH_MM: f64 = 15.0;
 
 /// The stroke for a scene. The device's base is registered so that its z is the plan's axis, so a
 /// height over the plan is a z in the base frame. Button 1 is the spindle, button 2 the next tool.
-pub(crate) fn drill_and_ream(scene: &Scene) -> anyhow::Result<Stroke> {
-    let drill = touch(scene, &Tool::peg_drill())?;
-    let ream = touch(scene, &Tool::glenoid_reamer())?;
+pub(crate) fn drill_and_ream(scene: &Scene, tools: &[Tool]) -> anyhow::Result<Stroke> {
+    let [drill, ream, ..] = tools else {
+        bail!(
+            "--tools: {} tool; the demonstration drills with the first and reams with the second, so list a drill and a reamer, or run 'osteon haptics'",
+            tools.len()
+        );
+    };
+    let drill = touch(scene, drill)?;
+    let ream = touch(scene, ream)?;
     let away = drill.max(ream) + APPROACH_MM;
     let at = |name: &str, z: f64, speed: f64, timeout: f64| Segment {
         name: name.to_owned(),
@@ -80,4 +86,36 @@ fn touch(scene: &Scene, tool: &Tool) -> anyhow::Result<f64> {
         );
     }
     Ok(height)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{SceneArgs, load};
+
+    #[test]
+    fn the_stroke_takes_the_tools_of_the_session() {
+        let args = SceneArgs {
+            voxel_mm: Some(2.0),
+            ..SceneArgs::default()
+        };
+        let scene = load(&args, &mut |_, _| {}).expect("the phantom");
+        let mut tools = Tool::standard_set();
+        let usual = drill_and_ream(&scene, &tools).expect("a stroke");
+        // a drill whose elements begin 3 mm above its apex is drilled with 3 mm lower
+        for e in &mut tools[0].elements {
+            e.position.z += 3.0;
+        }
+        let lower = drill_and_ream(&scene, &tools).expect("a stroke");
+        let drill = |s: &Stroke| {
+            let segment = s.segments.iter().find(|s| s.name == "drill");
+            segment.expect("a segment").goal_mm[2]
+        };
+        assert!((drill(&usual) - drill(&lower) - 3.0).abs() < 0.1);
+        let one = drill_and_ream(&scene, &tools[..1]).expect_err("a refusal");
+        assert!(
+            one.to_string().contains("list a drill and a reamer"),
+            "{one}"
+        );
+    }
 }

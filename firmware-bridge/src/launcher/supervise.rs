@@ -9,6 +9,7 @@ use crate::haptics::socket::{private_dir, runtime_dir};
 use crate::progress::Progress;
 use crate::scene::{self, SceneArgs};
 use crate::stop;
+use crate::tools::{self, Detail};
 use anyhow::{Context as _, anyhow, bail};
 use rustix::process::Signal;
 use std::io::{BufRead as _, BufReader};
@@ -71,10 +72,11 @@ pub(crate) fn run(args: &DemoArgs, screen: &Screen) -> anyhow::Result<()> {
     let stop = stop::on_signals()?;
     let mode = viewer_mode(args, screen);
     let files = Files::new(args)?;
+    let tools = tools::load(&args.tools, Detail::Elements)?.tools;
     let mut progress = Progress::new("planning");
     let scene = scene::load(&args.scene, &mut |stage, share| progress.show(stage, share))?;
     progress.finish();
-    let stroke = drill_and_ream(&scene)?;
+    let stroke = drill_and_ream(&scene, &tools)?;
     drop(scene);
     let stroke_file = files.path("stroke.json");
     std::fs::write(&stroke_file, serde_json::to_vec_pretty(&stroke)?)
@@ -321,6 +323,9 @@ fn haptics_args(args: &DemoArgs, files: &Files) -> Vec<String> {
         "--die-with-parent".to_owned(),
     ];
     list.extend(scene_args(&args.scene));
+    if let Some(path) = &args.tools.tools {
+        list.extend(["--tools".to_owned(), text(path)]);
+    }
     list
 }
 

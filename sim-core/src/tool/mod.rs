@@ -1,18 +1,28 @@
-//! Tools: solids of revolution with an exact signed distance, and their surface elements.
+//! Tools: solids of revolution with an exact signed distance, or any mesh with a sampled one; and
+//! their surface elements.
 //!
 //! Tool frame: origin at the apex of the tip, z from the tip towards the shank; mm. Drilling goes
 //! along −z.
 
+pub mod bvh;
+pub mod elements;
+pub mod mesh;
 pub mod revolved;
+pub mod sdf_grid;
 
 use glam::{DVec3, Vec3};
+use mesh::Mesh;
 use revolved::Revolved;
+use sdf_grid::SdfGrid;
+use std::sync::Arc;
 
 /// The shape of a tool's head.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
     /// A solid of revolution about z.
     Revolved(Revolved),
+    /// Any shape, sampled; shared by the threads that carve.
+    Grid(Arc<SdfGrid>),
 }
 
 /// A small piece of the tool's surface.
@@ -31,7 +41,7 @@ pub struct Element {
 }
 
 /// A tool: shape, surface elements, spindle.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Tool {
     /// Name for people.
     pub name: String,
@@ -43,6 +53,10 @@ pub struct Tool {
     pub elements: Vec<Element>,
     /// Spindle speed when on, revolutions per minute.
     pub rpm: f64,
+    /// Cutting lips around the axis.
+    pub lips: u8,
+    /// Colour, sRGB.
+    pub colour: [u8; 3],
 }
 
 /// Most elements of a tool: the bound of the servo's contact loop.
@@ -57,12 +71,16 @@ pub struct ToolBox {
     pub hi: DVec3,
 }
 
-/// Clearance of a smooth flank behind its cutting edge, mm (drills and reamers are relieved so
-/// that they do not rub).
-const RELIEF_MM: f32 = 0.05;
+/// Colour of surgical steel, sRGB.
+pub const STEEL: [u8; 3] = [196, 202, 210];
 
-/// The golden angle, rad: neighbouring elements of a spiral never line up.
-const GOLDEN_ANGLE: f32 = 2.399_963_2;
+impl ToolBox {
+    /// Farthest that it reaches from the axis along x or y, mm.
+    pub fn reach_mm(&self) -> f64 {
+        let reach = self.lo.abs().max(self.hi.abs());
+        reach.x.max(reach.y)
+    }
+}
 
 /// Points of an outline that a viewer turns on a lathe.
 pub const OUTLINE_POINTS: usize = 64;
@@ -73,6 +91,7 @@ impl Shape {
     pub fn signed_distance(&self, p: Vec3) -> f32 {
         match self {
             Self::Revolved(solid) => solid.signed_distance(p),
+            Self::Grid(grid) => grid.signed_distance(p),
         }
     }
 
@@ -80,6 +99,7 @@ impl Shape {
     pub fn bounds(&self) -> ToolBox {
         match self {
             Self::Revolved(solid) => solid.bounds,
+            Self::Grid(grid) => grid.bounds,
         }
     }
 
@@ -104,6 +124,7 @@ impl Shape {
             let z = lo + (hi - lo) * t * t;
             let r = match self {
                 Self::Revolved(solid) => solid.radius_at(z).unwrap_or(0.0),
+                Self::Grid(grid) => grid.radius_at(z),
             };
             [r, z]
         }));
@@ -113,118 +134,76 @@ impl Shape {
 }
 
 impl Tool {
+    /// A tool of faces, its elements made from them. `spindle` is its full speed in revolutions per
+    /// minute and the number of its lips.
+    pub fn revolved(
+        [name, id]: [&str; 2],
+        solid: Revolved,
+        (rpm, lips): (f64, u8),
+        colour: [u8; 3],
+    ) -> Self {
+        Self {
+            name: name.to_owned(),
+            id: id.to_owned(),
+            elements: elements::of_revolved(&solid),
+            shape: Shape::Revolved(solid),
+            rpm,
+            lips,
+            colour,
+        }
+    }
+
+    /// A tool made of triangles: `grid` is its distance. Elements at or below the height
+    /// `cutting_below_mm` cut, those above are smooth. `spindle` as in [`Tool::revolved`].
+    pub fn meshed(
+        [name, id]: [&str; 2],
+        mesh: &Mesh,
+        grid: Arc<SdfGrid>,
+        (rpm, lips): (f64, u8),
+        colour: [u8; 3],
+        cutting_below_mm: f32,
+    ) -> Self {
+        Self {
+            name: name.to_owned(),
+            id: id.to_owned(),
+            elements: mesh.elements(cutting_below_mm),
+            shape: Shape::Grid(grid),
+            rpm,
+            lips,
+            colour,
+        }
+    }
+
     /// Peg drill, Ø 8 mm, 118° point, 40 mm of flutes, 1500 rpm.
     pub fn peg_drill() -> Self {
-        // 4 mm / tan(59°)
-        let shape = Shape::Revolved(Revolved::drill([4.0, 2.403_442, 40.0]));
-        let mut elements = cone_elements(4.0, 2.403_442, 64);
-        // the very tip, so that a standing drill rests on its point
-        elements.push(Element {
-            position: Vec3::ZERO,
-            normal: Vec3::NEG_Z,
-            area_mm2: 0.05,
-            radius_mm: 0.0,
-            cutting: true,
-        });
-        elements.extend(flank_elements(4.0, [3.0, 27.0], [24, 12]));
-        Self {
-            name: "Peg drill Ø 8 mm".to_owned(),
-            id: "peg_drill".to_owned(),
-            shape,
-            elements,
-            rpm: 1500.0,
-        }
+        Self::revolved(
+            ["Peg drill Ø 8 mm", "peg_drill"],
+            Revolved::drill([4.0, 59.0, 40.0]),
+            (1500.0, 2),
+            STEEL,
+        )
     }
 
     /// Glenoid reamer: a shallow dome, Ø 36 mm, face radius 30 mm, 1000 rpm.
     pub fn glenoid_reamer() -> Self {
-        let shape = Shape::Revolved(Revolved::dome([18.0, 30.0, 12.0]));
-        let mut elements = cap_elements(30.0, 6.0, 320);
-        elements.extend(flank_elements(18.0, [6.5, 12.0], [3, 32]));
-        Self {
-            name: "Glenoid reamer Ø 36 mm".to_owned(),
-            id: "reamer".to_owned(),
-            shape,
-            elements,
-            rpm: 1000.0,
-        }
+        Self::revolved(
+            ["Glenoid reamer Ø 36 mm", "reamer"],
+            Revolved::dome([18.0, 30.0, 12.0]),
+            (1000.0, 6),
+            STEEL,
+        )
     }
 
-    /// The tools of a session, in the order of their index and hotkey.
+    /// The tools of a session that names none, in the order of their index and hotkey.
+    /// `firmware-bridge/tools/standard.toml` says the same as data; a test compares the two.
     pub fn standard_set() -> Vec<Self> {
         vec![Self::peg_drill(), Self::glenoid_reamer()]
     }
 }
 
-fn turned(r: f32, turn: f32) -> (f32, f32) {
-    (r * libm::cosf(turn), r * libm::sinf(turn))
-}
-
-// equal areas: the area of a spherical cap grows linearly with height
-fn cap_elements(face: f32, cap_height: f32, count: u16) -> Vec<Element> {
-    let area = core::f32::consts::TAU * face * cap_height / f32::from(count);
-    (0..count)
-        .map(|i| {
-            let z = cap_height * (f32::from(i) + 0.5) / f32::from(count);
-            let r = (2.0 * face * z - z * z).sqrt();
-            let (x, y) = turned(r, f32::from(i) * GOLDEN_ANGLE);
-            let position = Vec3::new(x, y, z);
-            Element {
-                position,
-                normal: (position - Vec3::new(0.0, 0.0, face)) / face,
-                area_mm2: area,
-                radius_mm: r,
-                cutting: true,
-            }
-        })
-        .collect()
-}
-
-// equal areas: the area of a cone grows with the square of the radius
-fn cone_elements(radius: f32, point: f32, count: u16) -> Vec<Element> {
-    let edge = (radius * radius + point * point).sqrt();
-    let area = core::f32::consts::PI * radius * edge / f32::from(count);
-    (0..count)
-        .map(|i| {
-            let r = radius * ((f32::from(i) + 0.5) / f32::from(count)).sqrt();
-            let turn = f32::from(i) * GOLDEN_ANGLE;
-            let (x, y) = turned(r, turn);
-            let (nx, ny) = turned(point / edge, turn);
-            Element {
-                position: Vec3::new(x, y, r * point / radius),
-                normal: Vec3::new(nx, ny, -radius / edge),
-                area_mm2: area,
-                radius_mm: r,
-                cutting: true,
-            }
-        })
-        .collect()
-}
-
-fn flank_elements(radius: f32, [z0, z1]: [f32; 2], [rings, around]: [u16; 2]) -> Vec<Element> {
-    let area = core::f32::consts::TAU * radius * (z1 - z0) / f32::from(rings * around);
-    let mut elements = Vec::with_capacity(usize::from(rings * around));
-    for ring in 0..rings {
-        let z = z0 + (z1 - z0) * (f32::from(ring) + 0.5) / f32::from(rings);
-        for i in 0..around {
-            let turn = core::f32::consts::TAU * (f32::from(i) + 0.5 * f32::from(ring % 2))
-                / f32::from(around);
-            let (nx, ny) = turned(1.0, turn);
-            let r = radius - RELIEF_MM;
-            elements.push(Element {
-                position: Vec3::new(nx * r, ny * r, z),
-                normal: Vec3::new(nx, ny, 0.0),
-                area_mm2: area,
-                radius_mm: r,
-                cutting: false,
-            });
-        }
-    }
-    elements
-}
-
 #[cfg(test)]
 mod tests {
+    use super::elements::RELIEF_MM;
     use super::*;
 
     /// Outline pieces of the two tools as dense points: an oracle that knows nothing of faces.

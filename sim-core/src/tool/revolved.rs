@@ -119,6 +119,29 @@ impl core::error::Error for RevolvedError {}
 const REACH_MM: f32 = 500.0;
 
 impl Form {
+    /// A cone whose apex lies on the axis at `apex_mm`, opening upwards or downwards, of a half
+    /// angle in degrees between 0 and 90.
+    pub fn cone(apex_mm: f32, half_angle_deg: f32, upwards: bool) -> Self {
+        let half = f64::from(half_angle_deg).to_radians();
+        let down = if upwards { -1.0 } else { 1.0 };
+        #[expect(clippy::cast_possible_truncation, reason = "a sine")]
+        let (normal_r, normal_z) = (libm::cos(half) as f32, (down * libm::sin(half)) as f32);
+        Self::Cone {
+            normal_r,
+            normal_z,
+            offset_mm: normal_z * apex_mm,
+        }
+    }
+
+    /// A cylinder about the axis, mm.
+    pub fn cylinder(radius_mm: f32) -> Self {
+        Self::Cone {
+            normal_r: 1.0,
+            normal_z: 0.0,
+            offset_mm: radius_mm,
+        }
+    }
+
     /// Signed distance of (r, z), mm, to the face's whole surface; negative inside.
     pub fn distance(self, r: f32, z: f32) -> f32 {
         match self {
@@ -296,6 +319,11 @@ fn chord(radius: f32, dz: f32) -> Option<f32> {
 impl Revolved {
     /// Checks the parts and finds their box.
     pub fn new(parts: Vec<Part>) -> Result<Self, RevolvedError> {
+        let bounds = Self::box_around(&parts)?;
+        Ok(Self { parts, bounds })
+    }
+
+    fn box_around(parts: &[Part]) -> Result<ToolBox, RevolvedError> {
         if parts.is_empty() || parts.len() > MAX_PARTS {
             return Err(RevolvedError::Parts(parts.len()));
         }
@@ -316,8 +344,7 @@ impl Revolved {
             lo = lo.min(DVec3::new(-radius, -radius, low));
             hi = hi.max(DVec3::new(radius, radius, high));
         }
-        let bounds = ToolBox { lo, hi };
-        Ok(Self { parts, bounds })
+        Ok(ToolBox { lo, hi })
     }
 
     /// A shallow dome: a ball of the second radius cut by a cylinder of the first, up to a height; mm.
@@ -329,14 +356,10 @@ impl Revolved {
         Self::one_part(&[ball], radius, height)
     }
 
-    /// A cylinder of a radius with a conical point of a height, up to a length; mm.
-    pub fn drill([radius, point, length]: [f32; 3]) -> Self {
-        let edge = (radius * radius + point * point).sqrt();
-        let cone = Form::Cone {
-            normal_r: point / edge,
-            normal_z: -radius / edge,
-            offset_mm: 0.0,
-        };
+    /// A cylinder with a conical point, its tip at the origin: radius (mm), half angle of the point
+    /// (degrees), length (mm).
+    pub fn drill([radius, half_angle_deg, length]: [f32; 3]) -> Self {
+        let cone = Form::cone(0.0, half_angle_deg, true);
         Self::one_part(&[cone], radius, length)
     }
 
@@ -363,11 +386,7 @@ impl Revolved {
 
     // cutting faces below, a smooth cylinder beside, a smooth plane on top; the tip at the origin
     fn one_part(tips: &[Form], radius: f32, height: f32) -> Self {
-        let side = Form::Cone {
-            normal_r: 1.0,
-            normal_z: 0.0,
-            offset_mm: radius,
-        };
+        let side = Form::cylinder(radius);
         let top = Form::Plane {
             height_mm: height,
             up: true,
@@ -384,13 +403,13 @@ impl Revolved {
             cutting: false,
         }));
         let (r, z) = (f64::from(radius), f64::from(height));
-        Self {
-            parts: vec![Part { faces }],
-            bounds: ToolBox {
-                lo: DVec3::new(-r, -r, 0.0),
-                hi: DVec3::new(r, r, z),
-            },
-        }
+        let parts = vec![Part { faces }];
+        // the same numbers, to a rounding, where they make no solid
+        let bounds = Self::box_around(&parts).unwrap_or(ToolBox {
+            lo: DVec3::new(-r, -r, 0.0),
+            hi: DVec3::new(r, r, z),
+        });
+        Self { parts, bounds }
     }
 
     /// Signed distance of a point in the tool frame, mm, negative inside; see the module.

@@ -12,6 +12,8 @@
     reason = "helpers for tests; each test file uses a part of them"
 )]
 
+pub mod shapes;
+
 use glam::DVec3;
 use osteon_sim_core::bone::{Bone, DenseBone};
 use osteon_sim_core::grid::Grid;
