@@ -8,14 +8,18 @@
     reason = "a program for people; what goes wrong ends it"
 )]
 
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec3, Vec3};
 use osteon_firmware_bridge::scene::{SceneArgs, load};
+use osteon_sim_core::bone::Bone;
 use osteon_sim_core::pose::Pose;
 use osteon_sim_core::tool::Tool;
 use osteon_tests::baselines::{
-    Baseline, Brute, Reza, THESIS_VOXEL_MM, Thesis, Truth, VoxelTool, all,
+    Baseline, Brute, Reza, THESIS_VOXEL_MM, Thesis, Truth, VoxelTool, all, surface_error,
 };
 use std::time::Instant;
+
+const HEADER: &str = "                 press: us an event                                        | standing, once            |
+method           p50      mean       p99       max  missed%  excess% | miss%   exc%  rms um   max |       MB";
 
 /// The tool pressed along the plan's axis from 1 mm above the joint to `depth_mm` below, with a
 /// wobble of 2° and 0.3 mm.
@@ -46,12 +50,22 @@ fn times(method: &mut dyn Baseline, poses: &[Pose], passes: u32) -> Vec<f64> {
     best
 }
 
-fn row(method: &mut dyn Baseline, poses: &[Pose], passes: u32, truth: &Truth<'_>) {
-    let times = times(method, poses, passes);
-    let errors = truth.errors(method);
+struct Run<'a> {
+    bone: &'a Bone,
+    tool: &'a VoxelTool,
+    poses: &'a [Pose],
+    truth: Truth<'a>,
+    passes: u32,
+}
+
+fn row(method: &mut dyn Baseline, run: &Run<'_>) {
+    let times = times(method, run.poses, run.passes);
+    let errors = run.truth.errors(method);
+    let middle = &run.poses[run.poses.len() * 2 / 3];
+    let [missed, excess, rms, max] = standing(method, run.bone, run.tool, middle);
     let mean = times.iter().sum::<f64>() / times.len() as f64;
     println!(
-        "{:15} {:9.1} {:9.1} {:9.1} {:9.1} {:8.2} {:8.2} {:9.2}",
+        "{:15} {:9.1} {:9.1} {:9.1} {:9.1} {:8.2} {:8.2} | {missed:6.2} {excess:6.2} {rms:6.0} {max:6.0} | {:8.2}",
         method.name(),
         times[times.len() / 2],
         mean,
@@ -61,6 +75,26 @@ fn row(method: &mut dyn Baseline, poses: &[Pose], passes: u32, truth: &Truth<'_>
         100.0 * errors.excess_fraction(),
         method.bytes() as f64 / 1e6,
     );
+}
+
+/// One event of a standing tool in the untouched bone: missed and excess, %, and the surface's RMS
+/// and largest error away from the tool's creases, µm.
+fn standing(method: &mut dyn Baseline, bone: &Bone, tool: &VoxelTool, pose: &Pose) -> [f64; 4] {
+    method.restore();
+    method.event(pose);
+    let errors = Truth::new(bone, tool, core::slice::from_ref(pose)).errors(method);
+    // the reamer's face, the drill's flank
+    let smooth = |p: Vec3| match p.truncate().length() {
+        r if tool.bounds().hi.x > 10.0 => r < 16.0 && p.z < 5.0,
+        _ => p.z > 3.5,
+    };
+    let surface = surface_error(bone, tool, pose, method, &smooth);
+    [
+        100.0 * errors.missed_fraction(),
+        100.0 * errors.excess_fraction(),
+        1e3 * surface.rms_mm,
+        1e3 * surface.max_mm,
+    ]
 }
 
 fn main() {
@@ -92,23 +126,19 @@ fn main() {
             hit as f64 / f64::from(events),
             simd.isa(),
         );
-        println!(
-            "method           p50 us      mean       p99       max  missed%  excess%        MB"
-        );
-        for mut method in all(&scene.bone, &voxels) {
-            row(&mut *method, &poses, passes, &truth);
+        println!("{HEADER}");
+        let bone = &*scene.bone;
+        let run = Run {
+            bone,
+            tool: &voxels,
+            poses: &poses,
+            truth,
+            passes,
+        };
+        for mut method in all(bone, &voxels) {
+            row(&mut *method, &run);
         }
-        row(
-            &mut Reza::solid(&scene.bone, &voxels),
-            &poses,
-            passes,
-            &truth,
-        );
-        row(
-            &mut Brute::new(&scene.bone, &voxels),
-            &poses,
-            passes,
-            &truth,
-        );
+        row(&mut Reza::solid(bone, &voxels), &run);
+        row(&mut Brute::new(bone, &voxels), &run);
     }
 }

@@ -160,7 +160,6 @@ impl<'a> Octree<'a> {
         }
         let reach = 0.5 * (edge as f32 - 1.0);
         let (mut lo, mut hi) = ([0; 3], [0; 3]);
-        let mut whole = true;
         for a in 0..3 {
             let step = [cells.step[0][a], cells.step[1][a], cells.step[2][a]];
             let middle = cells.origin[a]
@@ -172,7 +171,6 @@ impl<'a> Octree<'a> {
             if !(to >= 0.0 && from < top) {
                 return Side::Outside;
             }
-            whole &= from >= 0.0 && to < top;
             lo[a] = from.max(0.0) as usize;
             hi[a] = to.min(top - 1.0) as usize + 1;
         }
@@ -180,7 +178,8 @@ impl<'a> Octree<'a> {
         let all = (hi[0] - lo[0]) * (hi[1] - lo[1]) * (hi[2] - lo[2]);
         if solid == 0 {
             Side::Outside
-        } else if whole && solid as usize == all {
+        } else if solid as usize == all {
+            // it does not reach beyond the grid: the border's cells are empty
             Side::Inside
         } else {
             Side::Both

@@ -153,6 +153,10 @@ fn nonsense_is_no_tool_and_removes_nothing() {
         hi: bounds.lo,
     };
     assert!(VoxelTool::new(0.5, turned, |_| 0.0).is_none());
+    // larger than its box says
+    let cut_off = VoxelTool::new(0.5, bounds, |_| -1.0).expect("a tool");
+    let inner: usize = cut_off.dims().iter().map(|n| n - 2).product();
+    assert_eq!(cut_off.solid().len(), inner);
     let (bone, tool) = (sponge(DVec3::splat(0.47)), ball(0.5));
     let nan = Pose::new(DQuat::IDENTITY, DVec3::splat(f64::NAN));
     let far = Pose::new(DQuat::IDENTITY, DVec3::splat(1e6));

@@ -87,14 +87,16 @@ impl VoxelTool {
         };
         for (at, c) in coords(self.dims).enumerate() {
             let centre = self.lo + (DVec3::from_array(c.map(|n| n as f64)) + 0.5) * self.size_mm;
-            if (self.distance)(centre.as_vec3()) < 0.0 {
+            // the padding stays empty, whatever the distance says there
+            let border = (0..3).any(|a| c[a] == 0 || c[a] + 1 == self.dims[a]);
+            if !border && (self.distance)(centre.as_vec3()) < 0.0 {
                 self.cells[at] = 1;
                 self.bits[at / 32] |= 1 << (at % 32);
                 self.solid.push(c.map(|n| n as u16));
             }
         }
         let [dx, dy, _] = self.dims;
-        // the padding keeps every solid cell off the border
+        // every solid cell has six neighbours: none lies on the border
         for &c in &self.solid {
             let at = self.index(c.map(usize::from));
             let steps = [1, dx, dx * dy];
