@@ -1,7 +1,10 @@
 //! The thesis's scan of a 32³ chunk in wide registers; the same voxels as the scalar form.
-#![expect(
-    unsafe_code,
-    reason = "loads, gathers and stores of std::arch, and the call of a function for a wider machine"
+#![cfg_attr(
+    target_arch = "x86_64",
+    expect(
+        unsafe_code,
+        reason = "loads, gathers and stores of std::arch, and the call of a function for a wider machine"
+    )
 )]
 
 use super::place::Cells;
@@ -43,8 +46,8 @@ impl Isa {
 }
 
 /// The scan of a 32³ chunk (x fastest) whose lowest voxel is `first`: sets active voxels in solid
-/// cells to 0 and returns their number. `bits` is the tool's grid, one bit a cell. An `isa` that this
-/// machine lacks, or a `bits` that is too short for the grid, runs scalar.
+/// cells to 0 and returns their number. The tool's grid comes as one bit a cell and as densities. An
+/// `isa` that this machine lacks runs scalar.
 pub(super) fn scan(
     isa: Isa,
     values: &mut [i16],
@@ -52,18 +55,35 @@ pub(super) fn scan(
     cells: &Cells,
     (bits, solid): (&[u32], &[i16]),
 ) -> u64 {
+    wide_scan(isa, values, first, cells, bits)
+        .unwrap_or_else(|| thesis::scalar::<32>(values, first, cells, solid))
+}
+
+#[cfg(target_arch = "x86_64")]
+fn wide_scan(
+    isa: Isa,
+    values: &mut [i16],
+    first: [usize; 3],
+    cells: &Cells,
+    bits: &[u32],
+) -> Option<u64> {
     let [dx, dy, dz] = cells.dims;
-    #[cfg(target_arch = "x86_64")]
-    if isa.is_here() && dx * dy * dz <= 32 * bits.len() && i32::try_from(dx * dy * dz).is_ok() {
-        match isa {
-            // SAFETY: the machine has the instructions, and the bits hold every cell of the grid.
-            Isa::Avx512 => return unsafe { wide::scan_avx512(values, first, cells, bits) },
-            // SAFETY: as above.
-            Isa::Avx2 => return unsafe { wide::scan_avx2(values, first, cells, bits) },
-            Isa::Scalar => {}
-        }
+    let fits = dx * dy * dz <= 32 * bits.len() && i32::try_from(dx * dy * dz).is_ok();
+    if !fits || !isa.is_here() {
+        return None;
     }
-    thesis::scalar::<32>(values, first, cells, solid)
+    match isa {
+        // SAFETY: the machine has the instructions, and the bits hold every cell of the grid.
+        Isa::Avx512 => Some(unsafe { wide::scan_avx512(values, first, cells, bits) }),
+        // SAFETY: as above.
+        Isa::Avx2 => Some(unsafe { wide::scan_avx2(values, first, cells, bits) }),
+        Isa::Scalar => None,
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn wide_scan(_: Isa, _: &mut [i16], _: [usize; 3], _: &Cells, _: &[u32]) -> Option<u64> {
+    None
 }
 
 #[cfg(target_arch = "x86_64")]

@@ -53,8 +53,9 @@ impl<'a> Thesis<'a, 32> {
         Self::simd_on(Isa::best(), bone, tool)
     }
 
-    /// Chunks of 32³ with the instructions of `isa`.
+    /// Chunks of 32³ with the instructions of `isa`, scalar where this machine lacks them.
     pub fn simd_on(isa: Isa, bone: &'a Bone, tool: &'a VoxelTool) -> Self {
+        let isa = if isa.is_here() { isa } else { Isa::Scalar };
         Self::new("thesis-32-simd", Scan::Wide(isa), bone, tool)
     }
 }
