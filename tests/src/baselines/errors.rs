@@ -6,6 +6,9 @@ use glam::Vec3;
 use osteon_sim_core::bone::Bone;
 use osteon_sim_core::pose::Pose;
 
+/// Edge of the blocks that are settled by their middle, voxels.
+const BLOCK: usize = 8;
+
 /// The voxels that the exact tool removes along a set of poses: those of the bone whose centre lies
 /// inside it (signed distance below 0) at one of them at least.
 #[derive(Debug, Clone)]
@@ -59,28 +62,40 @@ impl<'a> Truth<'a> {
             .filter_map(reach)
             .fold(Region::NONE, Region::with);
         let [dx, dy, dz] = region.dims();
-        let mut bits = vec![0u64; (dx * dy * dz).div_ceil(64)];
-        let mut count = 0;
-        for pose in poses {
-            let exact = Exact::new(bone.grid(), pose);
-            let Some(own) = reach(pose) else {
-                continue;
-            };
-            for voxel in own.voxels() {
-                let [i, j, k]: [usize; 3] = core::array::from_fn(|a| voxel[a] - region.lo[a]);
-                let at = (k * dy + j) * dx + i;
-                let known = bits[at / 64] >> (at % 64) & 1 != 0;
-                if !known && tool.distance(exact.centre(voxel)) < 0.0 && active(bone, voxel) {
-                    bits[at / 64] |= 1 << (at % 64);
-                    count += 1;
-                }
-            }
-        }
-        Self {
+        let mut truth = Self {
             bone,
             region,
-            bits,
-            count,
+            bits: vec![0u64; (dx * dy * dz).div_ceil(64)],
+            count: 0,
+        };
+        for pose in poses {
+            let exact = Exact::new(bone.grid(), pose);
+            for block in reach(pose).into_iter().flat_map(blocks) {
+                truth.take(block, &exact, tool);
+            }
+        }
+        truth
+    }
+
+    // the voxels of a block that lie inside; none is looked at where its middle is far from the surface
+    fn take(&mut self, block: Region, exact: &Exact, tool: &VoxelTool) {
+        let middle: [f64; 3] =
+            core::array::from_fn(|a| 0.5 * (block.lo[a] + block.hi[a] - 1) as f64);
+        let reach = 0.5 * (BLOCK as f64 - 1.0) * self.bone.grid().band_mm() + 1e-3;
+        let distance = f64::from(tool.distance(exact.point(middle)));
+        if distance > reach {
+            return;
+        }
+        let [dx, dy, _] = self.region.dims();
+        for voxel in block.voxels() {
+            let [i, j, k]: [usize; 3] = core::array::from_fn(|a| voxel[a] - self.region.lo[a]);
+            let at = (k * dy + j) * dx + i;
+            let known = self.bits[at / 64] >> (at % 64) & 1 != 0;
+            let inside = || distance < -reach || tool.distance(exact.centre(voxel)) < 0.0;
+            if !known && inside() && active(self.bone, voxel) {
+                self.bits[at / 64] |= 1 << (at % 64);
+                self.count += 1;
+            }
         }
     }
 
@@ -110,6 +125,22 @@ impl<'a> Truth<'a> {
         }
         errors
     }
+}
+
+/// The blocks of at most 8³ voxels that a region is made of.
+fn blocks(region: Region) -> impl Iterator<Item = Region> {
+    let counts = region.dims().map(|n| n.div_ceil(BLOCK));
+    let all = Region {
+        lo: [0; 3],
+        hi: counts,
+    };
+    all.voxels().map(move |c| {
+        let lo: [usize; 3] = core::array::from_fn(|a| region.lo[a] + c[a] * BLOCK);
+        Region {
+            lo,
+            hi: core::array::from_fn(|a| (lo[a] + BLOCK).min(region.hi[a])),
+        }
+    })
 }
 
 /// How far a method's surface lies from the exact tool's.

@@ -51,7 +51,8 @@ impl core::fmt::Debug for VoxelTool {
 
 impl VoxelTool {
     /// Voxelises the tool whose signed distance (tool frame, mm, negative inside) is `distance` and
-    /// which lies in `bounds` (tool frame, mm), with voxels of edge `size_mm`. `None` where the size
+    /// which lies in `bounds` (tool frame, mm), with voxels of edge `size_mm`. The distance must not
+    /// change faster than the point moves, or nodes are settled wrongly. `None` where the size
     /// or the box is no positive number, or the grid would have more than 2²⁴ cells.
     pub fn new(
         size_mm: f64,

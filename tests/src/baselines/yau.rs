@@ -80,21 +80,15 @@ impl<'a> Yau<'a> {
         self.groups.len() as u32 - 1
     }
 
-    // `corner`: the tool's distance at the node's vertices. The node's new link, the voxels removed.
-    fn visit(
-        &mut self,
-        link: u32,
-        origin: [usize; 3],
-        edge: usize,
-        corner: &[f32; 8],
-        walk: &Walk,
-    ) -> (u32, u64) {
-        if corner.iter().all(|&d| d < 0.0) {
-            return (EMPTY, self.count(link, edge));
-        }
+    // the node's new link, the voxels removed
+    fn visit(&mut self, link: u32, origin: [usize; 3], edge: usize, walk: &Walk) -> (u32, u64) {
         let middle = self.middle(origin, edge, walk);
         if middle > walk.half_diagonal * edge as f32 {
             return (link, 0);
+        }
+        // a convex tool that holds all vertices holds the middle
+        if middle < 0.0 && self.holds_vertices(origin, edge, walk) {
+            return (EMPTY, self.count(link, edge));
         }
         let half = edge / 2;
         let group = if link == FULL {
@@ -106,12 +100,7 @@ impl<'a> Yau<'a> {
         let removed = if half == LEAF {
             self.leaves(group, origin, walk)
         } else {
-            self.children(
-                group,
-                (origin, half),
-                &self.lattice(origin, half, (corner, middle), walk),
-                walk,
-            )
+            self.children(group, origin, half, walk)
         };
         if self.groups[group] == [EMPTY; 8] {
             (EMPTY, removed)
@@ -120,20 +109,12 @@ impl<'a> Yau<'a> {
         }
     }
 
-    fn children(
-        &mut self,
-        group: usize,
-        (origin, half): ([usize; 3], usize),
-        lattice: &[f32; 27],
-        walk: &Walk,
-    ) -> u64 {
+    fn children(&mut self, group: usize, origin: [usize; 3], half: usize, walk: &Walk) -> u64 {
         let mut removed = 0;
         for n in 0..8 {
             let child = self.groups[group][n];
             if child != EMPTY {
-                let corner = core::array::from_fn(|c| lattice[lattice_index(n, c)]);
-                let origin = child_origin(origin, half, n);
-                let (link, cut) = self.visit(child, origin, half, &corner, walk);
+                let (link, cut) = self.visit(child, child_origin(origin, half, n), half, walk);
                 self.groups[group][n] = link;
                 removed += cut;
             }
@@ -141,31 +122,17 @@ impl<'a> Yau<'a> {
         removed
     }
 
+    fn holds_vertices(&self, origin: [usize; 3], edge: usize, walk: &Walk) -> bool {
+        (0..8).all(|n| {
+            let p = child_origin(origin, edge, n).map(|v| v as f64 - 0.5);
+            self.tool.distance(walk.exact.point(p)) < 0.0
+        })
+    }
+
     // the tool's distance at a node's middle, mm
     fn middle(&self, origin: [usize; 3], edge: usize, walk: &Walk) -> f32 {
         let p = origin.map(|v| v as f64 + 0.5 * (edge as f64 - 1.0));
         self.tool.distance(walk.exact.point(p))
-    }
-
-    // distances at the 3³ vertices of a node's children; its own and its middle are known
-    fn lattice(
-        &self,
-        origin: [usize; 3],
-        half: usize,
-        (corner, middle): (&[f32; 8], f32),
-        walk: &Walk,
-    ) -> [f32; 27] {
-        core::array::from_fn(|n| {
-            let at = [n % 3, n / 3 % 3, n / 9];
-            if at == [1; 3] {
-                return middle;
-            }
-            if at.iter().all(|&v| v != 1) {
-                return corner[at[0] / 2 + at[1] / 2 * 2 + at[2] / 2 * 4];
-            }
-            let p = core::array::from_fn(|a| (origin[a] + at[a] * half) as f64 - 0.5);
-            self.tool.distance(walk.exact.point(p))
-        })
     }
 
     fn leaves(&mut self, group: usize, origin: [usize; 3], walk: &Walk) -> u64 {
@@ -239,12 +206,6 @@ fn child_origin(origin: [usize; 3], edge: usize, n: usize) -> [usize; 3] {
     core::array::from_fn(|a| origin[a] + (n >> a & 1) * edge)
 }
 
-/// Vertex `corner` of child `child` in the parent's 3³ vertices.
-fn lattice_index(child: usize, corner: usize) -> usize {
-    let at = |a: usize| (child >> a & 1) + (corner >> a & 1);
-    at(0) + 3 * at(1) + 9 * at(2)
-}
-
 impl Baseline for Yau<'_> {
     fn name(&self) -> &'static str {
         "yau"
@@ -274,12 +235,7 @@ impl Baseline for Yau<'_> {
             exact: Exact::new(&grid, bone_from_tool),
             half_diagonal: (0.5 * grid.band_mm()) as f32 + 1e-4,
         };
-        let edge = self.edge;
-        let corner = core::array::from_fn(|n| {
-            let p = child_origin([0; 3], edge, n).map(|v| v as f64 - 0.5);
-            self.tool.distance(walk.exact.point(p))
-        });
-        let (root, removed) = self.visit(self.root, [0; 3], edge, &corner, &walk);
+        let (root, removed) = self.visit(self.root, [0; 3], self.edge, &walk);
         self.root = root;
         removed
     }
