@@ -12,6 +12,8 @@ use glam::DVec3;
 
 /// "No chunk here" in [`Bone::chunk_at`]'s table.
 const ABSENT: u32 = u32::MAX;
+/// Chunks that [`Bone::from_dense_by`] makes at a time.
+const BATCH: usize = 256;
 
 /// A whole lattice in dense arrays (x fastest), as a loader makes it. All slices have
 /// [`Grid::len`] values.
@@ -71,6 +73,53 @@ impl core::fmt::Display for BoneError {
 
 impl core::error::Error for BoneError {}
 
+/// One chunk of a dense lattice on its way into a bone ([`Bone::from_dense_by`]).
+#[derive(Debug, Clone)]
+pub struct DenseChunk {
+    coord: [u16; 3],
+    bony: u64,
+    cells: [u8; BRICKS_PER_CHUNK],
+    density_hu: Vec<i16>,
+    solid: Vec<i16>,
+    class: Vec<u8>,
+    label: Vec<u8>,
+}
+
+/// Makes the chunk at a chunk coordinate; `None` where it has no voxel in the band.
+pub type MakeChunk<'a> = dyn Fn([u16; 3]) -> Option<DenseChunk> + Sync + 'a;
+
+impl DenseChunk {
+    fn of(grid: &Grid, dense: &DenseBone<'_>, coord: [u16; 3]) -> Option<Self> {
+        let (bony, cells) = bony_masks(grid, dense.solid_mm, coord);
+        if bony == 0 {
+            return None;
+        }
+        let mut chunk = Self {
+            coord,
+            bony,
+            cells,
+            density_hu: vec![-1000; CHUNK_VOXELS],
+            solid: vec![-i16::MAX; CHUNK_VOXELS],
+            class: vec![0; CHUNK_VOXELS],
+            label: vec![0; CHUNK_VOXELS],
+        };
+        let lo = coord.map(|c| usize::from(c) * CHUNK);
+        for k in lo[2]..(lo[2] + CHUNK).min(grid.dims[2]) {
+            for j in lo[1]..(lo[1] + CHUNK).min(grid.dims[1]) {
+                for i in lo[0]..(lo[0] + CHUNK).min(grid.dims[0]) {
+                    let from = grid.dense_index(i, j, k);
+                    let to = voxel_in_chunk(i - lo[0], j - lo[1], k - lo[2]);
+                    chunk.density_hu[to] = dense.density_hu[from];
+                    chunk.solid[to] = grid.quantise(dense.solid_mm[from]);
+                    chunk.class[to] = dense.class[from];
+                    chunk.label[to] = dense.label[from];
+                }
+            }
+        }
+        Some(chunk)
+    }
+}
+
 /// The bone. Shared read-only by servo and publisher; the viewer holds its own copy.
 #[derive(Debug, Clone)]
 pub struct Bone {
@@ -113,6 +162,20 @@ impl Bone {
         lps_from_bone: Pose,
         dense: &DenseBone<'_>,
     ) -> Result<Self, BoneError> {
+        Self::from_dense_by(grid, lps_from_bone, dense, |coords, chunk| {
+            coords.iter().map(|&coord| chunk(coord)).collect()
+        })
+    }
+
+    /// [`Self::from_dense`] by the caller's means: `map` is to call the given function on each of
+    /// the coordinates, in parallel if it likes, and to return the results in the same order. The
+    /// bone is the same bit for bit.
+    pub fn from_dense_by(
+        grid: Grid,
+        lps_from_bone: Pose,
+        dense: &DenseBone<'_>,
+        map: impl Fn(&[[u16; 3]], &MakeChunk<'_>) -> Vec<Option<DenseChunk>>,
+    ) -> Result<Self, BoneError> {
         let lengths = [
             dense.density_hu.len(),
             dense.solid_mm.len(),
@@ -132,41 +195,24 @@ impl Bone {
         }
         let mut bone = Self::new(grid, lps_from_bone);
         let [cx, cy, cz] = grid.chunk_dims();
-        for z in 0..cz {
-            for y in 0..cy {
-                for x in 0..cx {
-                    bone.push_dense_chunk(dense, [x as u16, y as u16, z as u16]);
-                }
+        let coord = |n: usize| [n % cx, n / cx % cy, n / (cx * cy)].map(|c| c as u16);
+        let coords: Vec<[u16; 3]> = (0..cx * cy * cz).map(coord).collect();
+        // in batches: two copies of the whole bone would be needless memory
+        for batch in coords.chunks(BATCH) {
+            let chunks = map(batch, &|coord| DenseChunk::of(&grid, dense, coord));
+            for chunk in chunks.iter().flatten() {
+                bone.push_dense(chunk);
             }
         }
         Ok(bone)
     }
 
-    fn push_dense_chunk(&mut self, dense: &DenseBone<'_>, coord: [u16; 3]) {
-        let grid = self.grid;
-        let (bony, cells) = bony_masks(&grid, dense.solid_mm, coord);
-        if bony == 0 {
-            return;
-        }
-        self.register(coord, bony, cells);
-        let base = self.solid.len();
-        self.density_hu.resize(base + CHUNK_VOXELS, -1000);
-        self.solid.resize(base + CHUNK_VOXELS, -i16::MAX);
-        self.class.resize(base + CHUNK_VOXELS, 0);
-        self.label.resize(base + CHUNK_VOXELS, 0);
-        let lo = coord.map(|c| usize::from(c) * CHUNK);
-        for k in lo[2]..(lo[2] + CHUNK).min(grid.dims[2]) {
-            for j in lo[1]..(lo[1] + CHUNK).min(grid.dims[1]) {
-                for i in lo[0]..(lo[0] + CHUNK).min(grid.dims[0]) {
-                    let from = grid.dense_index(i, j, k);
-                    let to = base + voxel_in_chunk(i - lo[0], j - lo[1], k - lo[2]);
-                    self.density_hu[to] = dense.density_hu[from];
-                    self.solid[to] = grid.quantise(dense.solid_mm[from]);
-                    self.class[to] = dense.class[from];
-                    self.label[to] = dense.label[from];
-                }
-            }
-        }
+    fn push_dense(&mut self, chunk: &DenseChunk) {
+        self.register(chunk.coord, chunk.bony, chunk.cells);
+        self.density_hu.extend_from_slice(&chunk.density_hu);
+        self.solid.extend_from_slice(&chunk.solid);
+        self.class.extend_from_slice(&chunk.class);
+        self.label.extend_from_slice(&chunk.label);
     }
 
     fn register(&mut self, coord: [u16; 3], bony: u64, cells: [u8; BRICKS_PER_CHUNK]) {
