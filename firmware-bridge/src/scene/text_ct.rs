@@ -9,6 +9,8 @@
 //! [`TextCt::survey`] finds the lattice, [`TextCt::fill`] puts the densities into it.
 
 mod blocks;
+#[cfg(test)]
+mod bone_tests;
 mod fill;
 mod lattice;
 mod line;

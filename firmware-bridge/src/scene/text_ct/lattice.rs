@@ -66,7 +66,7 @@ impl Met {
         // -0 and 0 are one plane
         let value = value + 0.0;
         let bits = value.to_bits();
-        #[expect(clippy::cast_possible_truncation, reason = "twelve bits are left")]
+        // twelve bits are left
         let slot = (bits.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 52) as usize;
         if self.slots[slot] != bits {
             self.slots[slot] = bits;
@@ -356,7 +356,7 @@ mod tests {
         // every plane spelt twice, as single precision does
         let twins: Vec<f64> = exact
             .iter()
-            .flat_map(|&v| [v, v + 3e-6 * f64::from((v * 7.0).sin() as f32)])
+            .flat_map(|&v| [v, v + 3e-6 * (v * 7.0).sin()])
             .collect();
         let found = of(&twins).expect("planes");
         assert_eq!((found.spacing, found.count), (0.47, 300));
