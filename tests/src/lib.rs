@@ -6,6 +6,7 @@
     reason = "a harness for tests: what goes wrong here is a failed test"
 )]
 
+pub mod scenes;
 pub mod stroke;
 pub mod truth;
 
