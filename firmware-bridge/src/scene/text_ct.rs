@@ -35,8 +35,9 @@ use std::path::{Path, PathBuf};
 pub const EMPTY_HU: i16 = 0;
 /// Most voxels of one grid.
 pub const MAX_VOXELS: usize = 1 << 31;
-/// Bytes that a voxel takes while a volume is read: its density, once as `i16` and once as `f32`.
-pub const BYTES_PER_VOXEL: u64 = 6;
+/// Most bytes that a voxel takes on the way to a bone: CT number, field and distance at 4 and label
+/// at 1 while the surface is found, later 8 in the dense arrays beside 6 in the chunks; and some room.
+pub const BYTES_PER_VOXEL: u64 = 16;
 
 /// How a file is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -34,11 +34,12 @@ struct Part<S> {
 impl Text {
     /// Opens a file; `block` is what one job reads, bytes.
     pub(super) fn open(path: &Path, block: usize) -> Result<Self, Problem> {
-        let file = File::open(path)?;
-        let about = file.metadata()?;
+        // asked before it is opened: opening a pipe waits for its writer
+        let about = std::fs::metadata(path)?;
         if !about.is_file() {
             return Err(Problem::NotAFile);
         }
+        let file = File::open(path)?;
         let (start, lines_before) = prologue(&file)?;
         Ok(Self {
             file,

@@ -247,7 +247,7 @@ fn points_that_are_no_grid_are_refused_while_they_come() {
 
 #[test]
 fn a_grid_larger_than_memory_is_refused_with_its_size() {
-    // three lines say 4000 × 4000 × 4000: nothing of it may be allocated
+    // a few lines say 4000 × 4000 × 4000: nothing of it may be allocated
     let mut text = String::new();
     for n in 0..4000 {
         writeln!(text, "{n} {n} {n} 500").expect("a string");
@@ -268,7 +268,7 @@ fn a_grid_larger_than_memory_is_refused_with_its_size() {
         .expect_err("too large")
         .to_string();
     let words = [
-        "[900, 900, 900] needs 4374 MB",
+        "[900, 900, 900] needs 11664 MB",
         "1000 MB are available",
         "close other programs",
     ];
@@ -288,6 +288,12 @@ fn what_is_no_file_is_refused() {
     assert!(of("no.txt").contains("no.txt: cannot be read"));
     std::fs::create_dir(dir.path().join("folder.txt")).expect("a folder");
     assert!(of("folder.txt").contains("folder.txt: is no regular file"));
+    // a pipe without a writer must not be waited for
+    let pipe = dir.path().join("pipe.txt");
+    let mode = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR;
+    rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, mode, 0)
+        .expect("a pipe");
+    assert!(of("pipe.txt").contains("pipe.txt: is no regular file"));
 }
 
 #[test]
