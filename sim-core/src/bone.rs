@@ -4,6 +4,10 @@
     reason = "chunk coordinates are below 4096 / 32, chunk counts below 2^32; f64 spacings become f32"
 )]
 
+mod dense;
+
+pub use dense::{DenseBone, DenseChunk, MakeChunk};
+
 use crate::grid::{
     BRICK_VOXELS, BRICKS_PER_CHUNK, CHUNK, CHUNK_VOXELS, Grid, brick_origin, voxel_in_chunk,
 };
@@ -12,22 +16,6 @@ use glam::DVec3;
 
 /// "No chunk here" in [`Bone::chunk_at`]'s table.
 const ABSENT: u32 = u32::MAX;
-/// Chunks that [`Bone::from_dense_by`] makes at a time.
-const BATCH: usize = 256;
-
-/// A whole lattice in dense arrays (x fastest), as a loader makes it. All slices have
-/// [`Grid::len`] values.
-#[derive(Debug, Clone, Copy)]
-pub struct DenseBone<'a> {
-    /// CT number, HU.
-    pub density_hu: &'a [i16],
-    /// Signed distance to the segmented surface, mm, positive inside the bone.
-    pub solid_mm: &'a [f32],
-    /// Tissue class ([`crate::tissue::Tissue`] as a byte).
-    pub class: &'a [u8],
-    /// Structure label of the segmentation; 0 = none.
-    pub label: &'a [u8],
-}
 
 /// The values of one chunk, each of [`CHUNK_VOXELS`] values in brick-major order
 /// ([`voxel_in_chunk`]).
@@ -73,53 +61,6 @@ impl core::fmt::Display for BoneError {
 
 impl core::error::Error for BoneError {}
 
-/// One chunk of a dense lattice on its way into a bone ([`Bone::from_dense_by`]).
-#[derive(Debug, Clone)]
-pub struct DenseChunk {
-    coord: [u16; 3],
-    bony: u64,
-    cells: [u8; BRICKS_PER_CHUNK],
-    density_hu: Vec<i16>,
-    solid: Vec<i16>,
-    class: Vec<u8>,
-    label: Vec<u8>,
-}
-
-/// Makes the chunk at a chunk coordinate; `None` where it has no voxel in the band.
-pub type MakeChunk<'a> = dyn Fn([u16; 3]) -> Option<DenseChunk> + Sync + 'a;
-
-impl DenseChunk {
-    fn of(grid: &Grid, dense: &DenseBone<'_>, coord: [u16; 3]) -> Option<Self> {
-        let (bony, cells) = bony_masks(grid, dense.solid_mm, coord);
-        if bony == 0 {
-            return None;
-        }
-        let mut chunk = Self {
-            coord,
-            bony,
-            cells,
-            density_hu: vec![-1000; CHUNK_VOXELS],
-            solid: vec![-i16::MAX; CHUNK_VOXELS],
-            class: vec![0; CHUNK_VOXELS],
-            label: vec![0; CHUNK_VOXELS],
-        };
-        let lo = coord.map(|c| usize::from(c) * CHUNK);
-        for k in lo[2]..(lo[2] + CHUNK).min(grid.dims[2]) {
-            for j in lo[1]..(lo[1] + CHUNK).min(grid.dims[1]) {
-                for i in lo[0]..(lo[0] + CHUNK).min(grid.dims[0]) {
-                    let from = grid.dense_index(i, j, k);
-                    let to = voxel_in_chunk(i - lo[0], j - lo[1], k - lo[2]);
-                    chunk.density_hu[to] = dense.density_hu[from];
-                    chunk.solid[to] = grid.quantise(dense.solid_mm[from]);
-                    chunk.class[to] = dense.class[from];
-                    chunk.label[to] = dense.label[from];
-                }
-            }
-        }
-        Some(chunk)
-    }
-}
-
 /// The bone. Shared read-only by servo and publisher; the viewer holds its own copy.
 #[derive(Debug, Clone)]
 pub struct Bone {
@@ -152,67 +93,6 @@ impl Bone {
             class: Vec::new(),
             label: Vec::new(),
         }
-    }
-
-    /// Builds the chunks of a dense lattice and drops the empty ones. A chunk is kept where one of
-    /// its voxels, or one of the voxels next to it (a one-voxel apron), is inside the band; so
-    /// trilinear reading equals that of the dense lattice bit for bit.
-    pub fn from_dense(
-        grid: Grid,
-        lps_from_bone: Pose,
-        dense: &DenseBone<'_>,
-    ) -> Result<Self, BoneError> {
-        Self::from_dense_by(grid, lps_from_bone, dense, |coords, chunk| {
-            coords.iter().map(|&coord| chunk(coord)).collect()
-        })
-    }
-
-    /// [`Self::from_dense`] by the caller's means: `map` is to call the given function on each of
-    /// the coordinates, in parallel if it likes, and to return the results in the same order. The
-    /// bone is the same bit for bit.
-    pub fn from_dense_by(
-        grid: Grid,
-        lps_from_bone: Pose,
-        dense: &DenseBone<'_>,
-        map: impl Fn(&[[u16; 3]], &MakeChunk<'_>) -> Vec<Option<DenseChunk>>,
-    ) -> Result<Self, BoneError> {
-        let lengths = [
-            dense.density_hu.len(),
-            dense.solid_mm.len(),
-            dense.class.len(),
-            dense.label.len(),
-        ];
-        for got in lengths {
-            if got != grid.len() {
-                return Err(BoneError::Length {
-                    expected: grid.len(),
-                    got,
-                });
-            }
-        }
-        if !dense.solid_mm.iter().any(|&d| d > 0.0) {
-            return Err(BoneError::Empty);
-        }
-        let mut bone = Self::new(grid, lps_from_bone);
-        let [cx, cy, cz] = grid.chunk_dims();
-        let coord = |n: usize| [n % cx, n / cx % cy, n / (cx * cy)].map(|c| c as u16);
-        let coords: Vec<[u16; 3]> = (0..cx * cy * cz).map(coord).collect();
-        // in batches: two copies of the whole bone would be needless memory
-        for batch in coords.chunks(BATCH) {
-            let chunks = map(batch, &|coord| DenseChunk::of(&grid, dense, coord));
-            for chunk in chunks.iter().flatten() {
-                bone.push_dense(chunk);
-            }
-        }
-        Ok(bone)
-    }
-
-    fn push_dense(&mut self, chunk: &DenseChunk) {
-        self.register(chunk.coord, chunk.bony, chunk.cells);
-        self.density_hu.extend_from_slice(&chunk.density_hu);
-        self.solid.extend_from_slice(&chunk.solid);
-        self.class.extend_from_slice(&chunk.class);
-        self.label.extend_from_slice(&chunk.label);
     }
 
     fn register(&mut self, coord: [u16; 3], bony: u64, cells: [u8; BRICKS_PER_CHUNK]) {

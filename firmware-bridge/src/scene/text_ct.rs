@@ -14,11 +14,12 @@ mod bone_tests;
 mod fill;
 mod lattice;
 mod line;
+mod survey;
 #[cfg(test)]
 mod tests;
 
-pub use lattice::Survey;
 pub use line::Fault;
+pub use survey::Survey;
 
 use super::memory;
 use super::nifti::Volume;
@@ -35,10 +36,6 @@ use std::path::{Path, PathBuf};
 pub const EMPTY_HU: i16 = 0;
 /// Most voxels of one grid.
 pub const MAX_VOXELS: usize = 1 << 31;
-/// Most bytes that a voxel takes on the way to a bone: CT number, field and distance at 4 and label
-/// at 1 while the surface is found, later 8 in the dense arrays beside 6 in the chunks; and some room.
-pub const BYTES_PER_VOXEL: u64 = 16;
-
 /// How a file is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
@@ -235,7 +232,7 @@ impl TextCt {
 
     /// First reading: checks every line and finds the lattice. `progress` hears the fraction done.
     pub fn survey(&self, progress: &mut dyn FnMut(f32)) -> Result<Survey, TextCtError> {
-        lattice::survey(&self.text, progress).map_err(|problem| self.error(problem))
+        survey::survey(&self.text, progress).map_err(|problem| self.error(problem))
     }
 
     /// Second reading: the densities in the grid of `survey`, which is refused before any of it is
@@ -245,8 +242,7 @@ impl TextCt {
         survey: &Survey,
         progress: &mut dyn FnMut(f32),
     ) -> Result<RectGrid, TextCtError> {
-        let available = self.memory_bytes.or_else(memory::available_bytes);
-        check_size(survey.dims(), available)
+        check_size(survey.dims(), self.memory_bytes)
             .and_then(|()| fill::fill(&self.text, survey, progress))
             .map_err(|problem| self.error(problem))
     }
@@ -259,20 +255,19 @@ impl TextCt {
     }
 }
 
-/// Refuses a grid that is too large for this program or for `available` bytes.
+/// Refuses a grid that is too large for this program or for the memory.
 fn check_size(dims: [usize; 3], available: Option<u64>) -> Result<(), Problem> {
     let voxels: usize = dims.iter().product();
     if voxels > MAX_VOXELS {
         return Err(Problem::Voxels { dims });
     }
-    let need = voxels as u64 * BYTES_PER_VOXEL;
-    match available {
-        Some(available) if need > available => Err(Problem::Memory {
+    match memory::shortage(voxels, available) {
+        Some((need, available)) => Err(Problem::Memory {
             dims,
             need,
             available,
         }),
-        _ => Ok(()),
+        None => Ok(()),
     }
 }
 

@@ -1,8 +1,8 @@
 //! The densities of a text CT in their grid (the thesis's Alg. 2.4), from all cores at once.
 
 use super::blocks::Text;
-use super::lattice::Survey;
 use super::line::Entry;
+use super::survey::Survey;
 use super::{EMPTY_HU, Problem, RectGrid};
 use glam::DVec3;
 use rayon::prelude::*;
