@@ -213,6 +213,15 @@ fn every_bad_file_is_one_line_with_place_and_remedy() {
 }
 
 #[test]
+fn of_lines_off_the_lattice_the_first_is_named() {
+    let mut lines = planted(9).lines;
+    for at in [150, 90, 20] {
+        lines.insert(at, format!("0.000 13.200 {at} 7"));
+    }
+    refused(&joined(&lines), &["line 21: y = 13.2 lies 0.49"]);
+}
+
+#[test]
 fn of_a_voxel_that_comes_twice_both_lines_are_named() {
     let good = planted(3);
     let mut lines = good.lines.clone();
