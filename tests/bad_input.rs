@@ -127,6 +127,56 @@ fn volumes_that_cannot_be_read() {
 }
 
 #[test]
+fn text_cts_that_cannot_be_read() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    bone_refused(dir, "missing.txt", &["cannot be read"]);
+    let diagonal: String = (0..4000).map(|n| format!("{n} {n} {n} 500\n")).collect();
+    let cases: [Spoilt<'_>; 8] = [
+        ("empty.txt", b"# nothing\n", &["no voxel", "x y z density"]),
+        (
+            "words.txt",
+            b"x y z d\n0 0 0 1\n0 0 bone 1\n",
+            &["line 3", "`bone`"],
+        ),
+        (
+            "comma.csv",
+            b"0,5 1,5 0,5 9\n",
+            &["line 1", "decimal point"],
+        ),
+        (
+            "far.xyz",
+            b"0 0 0 1\n1e9 1 1 1\n",
+            &["line 2", "x = 1000000000", "mm"],
+        ),
+        (
+            "dense.txt",
+            b"0 0 0 70000\n",
+            &["line 1", "density = 70000"],
+        ),
+        (
+            "uneven.txt",
+            b"0 0 0 1\n1 1 1 1\n2 2 2 1\n3 3 3 1\n4.5 4 4 1\n",
+            &["line 5", "x = 4.5", "every 1 mm", "resample"],
+        ),
+        (
+            "twice.txt",
+            b"0 0 0 1\n1 1 1 1\n0 0 0 2\n",
+            &["line 3", "already on line 1", "remove"],
+        ),
+        (
+            "huge.txt",
+            diagonal.as_bytes(),
+            &["[4000, 4000, 4000]", "64000000000", "crop"],
+        ),
+    ];
+    for (name, bytes, words) in cases {
+        file(dir, name, bytes);
+        bone_refused(dir, name, words);
+    }
+}
+
+#[test]
 fn volumes_without_sense() {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();

@@ -4,6 +4,10 @@
     reason = "chunk coordinates are below 4096 / 32, chunk counts below 2^32; f64 spacings become f32"
 )]
 
+mod dense;
+
+pub use dense::{DenseBone, DenseChunk, MakeChunk};
+
 use crate::aligned::Aligned;
 use crate::grid::{
     BRICK, BRICK_VOXELS, BRICKS_PER_CHUNK, CHUNK, CHUNK_VOXELS, Grid, LINE_VOXELS, LINES_PER_BRICK,
@@ -17,20 +21,6 @@ pub type LineMasks = [u16; BRICKS_PER_CHUNK];
 
 /// "No chunk here" in [`Bone::chunk_at`]'s table.
 const ABSENT: u32 = u32::MAX;
-
-/// A whole lattice in dense arrays (x fastest), as a loader makes it. All slices have
-/// [`Grid::len`] values.
-#[derive(Debug, Clone, Copy)]
-pub struct DenseBone<'a> {
-    /// CT number, HU.
-    pub density_hu: &'a [i16],
-    /// Signed distance to the segmented surface, mm, positive inside the bone.
-    pub solid_mm: &'a [f32],
-    /// Tissue class ([`crate::tissue::Tissue`] as a byte).
-    pub class: &'a [u8],
-    /// Structure label of the segmentation; 0 = none.
-    pub label: &'a [u8],
-}
 
 /// The values of one chunk, each of [`CHUNK_VOXELS`] values in brick-major order
 /// ([`voxel_in_chunk`]).
@@ -109,76 +99,6 @@ impl Bone {
             class: Aligned::default(),
             label: Aligned::default(),
         }
-    }
-
-    /// Builds the chunks of a dense lattice and drops the empty ones. A chunk is kept where one of
-    /// its voxels, or one of the voxels next to it (a one-voxel apron), is inside the band; so
-    /// trilinear reading equals that of the dense lattice bit for bit.
-    pub fn from_dense(
-        grid: Grid,
-        lps_from_bone: Pose,
-        dense: &DenseBone<'_>,
-    ) -> Result<Self, BoneError> {
-        let lengths = [
-            dense.density_hu.len(),
-            dense.solid_mm.len(),
-            dense.class.len(),
-            dense.label.len(),
-        ];
-        for got in lengths {
-            if got != grid.len() {
-                return Err(BoneError::Length {
-                    expected: grid.len(),
-                    got,
-                });
-            }
-        }
-        if !dense.solid_mm.iter().any(|&d| d > 0.0) {
-            return Err(BoneError::Empty);
-        }
-        let mut bone = Self::new(grid, lps_from_bone);
-        let [cx, cy, cz] = grid.chunk_dims();
-        for z in 0..cz {
-            for y in 0..cy {
-                for x in 0..cx {
-                    bone.push_dense_chunk(dense, [x as u16, y as u16, z as u16]);
-                }
-            }
-        }
-        bone.index_lines();
-        Ok(bone)
-    }
-
-    fn push_dense_chunk(&mut self, dense: &DenseBone<'_>, coord: [u16; 3]) {
-        let grid = self.grid;
-        let bony = bony_bricks(&grid, dense.solid_mm, coord);
-        if bony == 0 {
-            return;
-        }
-        let mut density_hu = vec![-1000; CHUNK_VOXELS];
-        let mut solid = vec![-i16::MAX; CHUNK_VOXELS];
-        let mut class = vec![0; CHUNK_VOXELS];
-        let mut label = vec![0; CHUNK_VOXELS];
-        let lo = coord.map(|c| usize::from(c) * CHUNK);
-        for k in lo[2]..(lo[2] + CHUNK).min(grid.dims[2]) {
-            for j in lo[1]..(lo[1] + CHUNK).min(grid.dims[1]) {
-                for i in lo[0]..(lo[0] + CHUNK).min(grid.dims[0]) {
-                    let from = grid.dense_index(i, j, k);
-                    let to = voxel_in_chunk(i - lo[0], j - lo[1], k - lo[2]);
-                    density_hu[to] = dense.density_hu[from];
-                    solid[to] = grid.quantise(dense.solid_mm[from]);
-                    class[to] = dense.class[from];
-                    label[to] = dense.label[from];
-                }
-            }
-        }
-        let data = ChunkData {
-            density_hu: &density_hu,
-            solid: &solid,
-            class: &class,
-            label: &label,
-        };
-        self.append(coord, bony, &data);
     }
 
     fn append(&mut self, coord: [u16; 3], bony: u64, data: &ChunkData<'_>) {

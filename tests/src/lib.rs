@@ -7,6 +7,7 @@
 )]
 
 pub mod baselines;
+pub mod scenes;
 pub mod stroke;
 pub mod truth;
 

@@ -4,7 +4,7 @@ use super::dense::{Dense, Lattice, VoxelBox, distance, mark_subchondral, near_bo
 use super::labels::{Keep, check_same_grid, claim, clear_excluded, label_bytes, segment};
 use super::nifti::{self, Volume};
 use super::resample::{self, ResampleError};
-use super::{Scene, SceneArgs, SceneError, SceneSummary, plan};
+use super::{Scene, SceneArgs, SceneError, SceneSummary, plan, text_ct};
 use osteon_sim_core::bone::Occupancy;
 use osteon_sim_core::grid::Grid;
 use osteon_sim_core::pose::Pose;
@@ -52,7 +52,8 @@ pub(super) fn load(
     })?;
     let lps_from_plan = plan::read(plan_path)?;
     progress("reading the CT", 0.0);
-    let mut cropped = read_cropped(args, path)?;
+    let (ct, absent) = read_ct(args, path, progress)?;
+    let mut cropped = read_cropped(args, path, ct)?;
     let bone_from_plan = cropped.lps_from_bone.inverse().then(&lps_from_plan);
     plan::check_near(plan_path, &cropped.grid, &bone_from_plan)?;
     progress("finding the surface", 0.3);
@@ -75,6 +76,7 @@ pub(super) fn load(
     summary.resample_error = error;
     summary.non_finite_voxels = cropped.non_finite;
     summary.clamped_voxels = cropped.clamped;
+    summary.absent_voxels = absent;
     Ok(Scene {
         bone: Arc::new(bone),
         bone_from_plan,
@@ -104,13 +106,32 @@ fn empty(args: &SceneArgs, path: &Path, kept: &[u8]) -> SceneError {
     }
 }
 
-/// Reads CT and label map and keeps the box of the kept bone.
-fn read_cropped(args: &SceneArgs, path: &Path) -> Result<Cropped, SceneError> {
-    let (ct, labels) = rayon::join(
-        || nifti::read(path),
-        || args.labels.as_deref().map(|p| (p, nifti::read(p))),
-    );
-    let mut ct = ct?;
+/// The CT, a volume or a text, and how many of its voxels a text leaves out.
+fn read_ct(
+    args: &SceneArgs,
+    path: &Path,
+    progress: &mut dyn FnMut(&str, f32),
+) -> Result<(Volume, usize), SceneError> {
+    if !text_ct::named_like_one(path) {
+        return Ok((nifti::read(path)?, 0));
+    }
+    if args.threshold <= f32::from(text_ct::EMPTY_HU) {
+        return Err(SceneError::EmptyThreshold {
+            path: path.to_path_buf(),
+            threshold_hu: args.threshold,
+        });
+    }
+    let mut tell = |done: f32| progress("reading the CT", 0.3 * done);
+    let rect = text_ct::read(path, text_ct::Options::default(), &mut tell)?;
+    let absent = rect.absent;
+    // a label map lies on the file's own grid
+    let margin = if args.labels.is_some() { 0 } else { MARGIN };
+    Ok((rect.into_volume(margin), absent))
+}
+
+/// Reads the label map and keeps the box of the kept bone.
+fn read_cropped(args: &SceneArgs, path: &Path, mut ct: Volume) -> Result<Cropped, SceneError> {
+    let labels = args.labels.as_deref().map(|p| (p, nifti::read(p)));
     let (non_finite, clamped) = sanitise(&mut ct.values);
     let (labels, kept_labels) = match labels {
         Some((labels_path, volume)) => {

@@ -176,7 +176,7 @@ pub struct Dense {
 }
 
 impl Dense {
-    /// The chunked bone.
+    /// The chunked bone, made on all cores: the same bits as [`Bone::from_dense`].
     pub fn into_bone(self) -> Result<Bone, SceneError> {
         let arrays = DenseBone {
             density_hu: &self.density_hu,
@@ -184,7 +184,10 @@ impl Dense {
             class: &self.class,
             label: &self.label,
         };
-        Bone::from_dense(self.grid, self.lps_from_bone, &arrays).map_err(SceneError::Bone)
+        Bone::from_dense_by(self.grid, self.lps_from_bone, &arrays, |coords, chunk| {
+            coords.par_iter().map(|&coord| chunk(coord)).collect()
+        })
+        .map_err(SceneError::Bone)
     }
 }
 

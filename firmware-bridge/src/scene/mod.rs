@@ -5,10 +5,12 @@
 mod ct;
 pub mod dense;
 pub mod labels;
+mod memory;
 pub mod nifti;
 pub mod phantom;
 pub mod plan;
 pub mod resample;
+pub mod text_ct;
 
 use osteon_sim_core::bone::{Bone, BoneError};
 use osteon_sim_core::pose::Pose;
@@ -20,7 +22,7 @@ use std::sync::Arc;
 /// Which bone to load, and how.
 #[derive(Debug, Clone, clap::Args)]
 pub struct SceneArgs {
-    /// CT of the bone, NIfTI (.nii or .nii.gz) [default: the built-in scapula phantom]
+    /// CT of the bone: NIfTI (.nii, .nii.gz) or text (.txt, .csv, .xyz: `x y z density`) [default: the built-in scapula phantom]
     #[arg(long, value_name = "PATH")]
     pub bone: Option<PathBuf>,
     /// Label map on the CT's grid; its kept labels are bone, its others are air
@@ -98,6 +100,8 @@ pub struct SceneSummary {
     pub non_finite_voxels: usize,
     /// CT voxels outside the 16-bit range of CT numbers (clamped).
     pub clamped_voxels: usize,
+    /// Voxels that a text CT leaves out of its grid (taken as empty).
+    pub absent_voxels: usize,
 }
 
 /// Why no scene could be made: one line with what, where and the remedy.
@@ -106,6 +110,17 @@ pub enum SceneError {
     /// A volume could not be read.
     #[error(transparent)]
     Nifti(#[from] nifti::NiftiError),
+    /// A text CT could not be read.
+    #[error(transparent)]
+    TextCt(#[from] text_ct::TextCtError),
+    /// A threshold at which the voxels that a text CT leaves out would be bone.
+    #[error("--threshold {threshold_hu} HU: the voxels that {} leaves out count as {} HU; give a threshold above that", path.display(), text_ct::EMPTY_HU)]
+    EmptyThreshold {
+        /// The CT.
+        path: PathBuf,
+        /// The threshold, HU.
+        threshold_hu: f32,
+    },
     /// The label map lies on another grid than the CT.
     #[error("{}: not on the grid of {} ({difference}); resample the label map onto the CT", labels.display(), bone.display())]
     OtherGrid {
@@ -230,6 +245,7 @@ impl SceneSummary {
             resample_error: None,
             non_finite_voxels: 0,
             clamped_voxels: 0,
+            absent_voxels: 0,
         }
     }
 }

@@ -7,6 +7,7 @@ mod header;
 #[cfg(test)]
 pub(crate) mod tests;
 
+use super::memory;
 use flate2::bufread::MultiGzDecoder;
 use glam::{DMat3, DQuat, DVec3};
 use header::Header;
@@ -125,8 +126,21 @@ pub enum Problem {
     #[error("{0} is not a finite, invertible affine; export the file again")]
     Affine(&'static str),
     /// Not enough memory.
+    #[error(
+        "{dims:?} voxels need {} MB of memory, {} MB are available; crop the volume or close other programs",
+        need.div_ceil(1_000_000), available / 1_000_000
+    )]
+    Memory {
+        /// Voxels along x, y, z.
+        dims: [usize; 3],
+        /// Bytes needed.
+        need: u64,
+        /// Bytes available.
+        available: u64,
+    },
+    /// The system would not give the memory.
     #[error("{0} voxels do not fit into memory; crop the volume")]
-    Memory(usize),
+    Allocation(usize),
 }
 
 /// Reads a `.nii` or `.nii.gz` (told apart by content, not by name).
@@ -153,6 +167,13 @@ fn read_problem(path: &Path) -> Result<Volume, Problem> {
 fn read_stream(stream: &mut dyn Read) -> Result<Volume, Problem> {
     let header = Header::read(stream)?;
     let (grid, lps_from_bone, mirrored) = lattice(&header)?;
+    if let Some((need, available)) = memory::shortage(grid.len(), None) {
+        return Err(Problem::Memory {
+            dims: grid.dims,
+            need,
+            available,
+        });
+    }
     let mut values = read_values(stream, &header)?;
     if mirrored {
         for row in values.chunks_exact_mut(grid.dims[0]) {
@@ -210,7 +231,7 @@ fn read_values(stream: &mut dyn Read, header: &Header) -> Result<Vec<f32>, Probl
             let more = (count - values.len()).min(values.len().max(BLOCK));
             values
                 .try_reserve_exact(more)
-                .map_err(|_too_much| Problem::Memory(count))?;
+                .map_err(|_too_much| Problem::Allocation(count))?;
         }
         header.convert(&block[..want], &mut values);
         left -= want;

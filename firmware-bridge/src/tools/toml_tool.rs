@@ -3,7 +3,7 @@
 use super::mesh_tool::{MeshEntry, meshed};
 use super::{Detail, LoadedTools, MAX_TOOLS, ToolError};
 use osteon_sim_core::tool::revolved::{
-    Face, Form, MAX_FACES, MAX_PARTS, Part, Revolved, RevolvedError,
+    Face, Form, MAX_ALL_FACES, MAX_FACES, MAX_PARTS, Part, Revolved, RevolvedError,
 };
 use osteon_sim_core::tool::{STEEL, Tool};
 use serde::Deserialize;
@@ -213,6 +213,10 @@ fn revolved(place: Place<'_>, entry: &Entry) -> Result<Tool, ToolError> {
         RevolvedError::Faces(n) => place.fault(
             format!("part {}", n + 1),
             format!("give 1 to {MAX_FACES} faces"),
+        ),
+        RevolvedError::AllFaces(n) => place.fault(
+            "part",
+            format!("{n} faces in all; give at most {MAX_ALL_FACES}"),
         ),
         RevolvedError::Number(n, _) => {
             place.fault(format!("part {}", n + 1), "a number out of its range")

@@ -16,6 +16,7 @@ mod node;
 mod patterns;
 mod pencil;
 mod placed;
+mod sampled;
 mod stamp;
 
 use crate::bone::Bone;
@@ -23,8 +24,9 @@ use crate::broad::{ChunkRange, Obb, chunk_range};
 use crate::cut::{Cut, MAX_TOOLS};
 pub use crate::lanes::Isa;
 use crate::pose::Pose;
-use crate::tool::Tool;
+use crate::tool::{Shape, Tool};
 use placed::Placed;
+use sampled::Sampled;
 use stamp::Stamp;
 
 /// Most poses at which one step is stamped.
@@ -195,12 +197,17 @@ impl Carving {
         let grid = work.bone.grid();
         let (lo, hi) = Obb::of_tool(&tool.shape.bounds(), bone_from_tool, grid.band_mm()).aabb();
         let range = chunk_range(work.bone, lo, hi);
-        let placed = Placed::new(grid, &tool.shape, bone_from_tool, self.model.curvature);
+        let (solid, sampled) = match &tool.shape {
+            Shape::Revolved(solid) => (Some(solid), None),
+            Shape::Grid(samples) => (None, Some(Sampled::new(grid, samples, bone_from_tool))),
+        };
+        let placed = Placed::new(grid, solid, bone_from_tool, self.model.curvature);
         let mut stamp = Stamp {
             bone: work.bone,
             cut: &mut *work.cut,
             changed: &mut *work.changed,
             placed: &placed,
+            sampled,
             tool: tool_index,
             account: self.model.account,
             budget,

@@ -29,8 +29,7 @@
 use super::node::{Node, NodeFace, Square};
 use crate::grid::Grid;
 use crate::pose::Pose;
-use crate::tool::Shape;
-use crate::tool::revolved::{Form, MAX_ALL_FACES, MAX_PARTS};
+use crate::tool::revolved::{Form, MAX_ALL_FACES, MAX_PARTS, Revolved};
 use glam::DVec3;
 
 /// Faces of a tool at most.
@@ -77,9 +76,14 @@ pub(super) struct Placed {
 }
 
 impl Placed {
-    /// Places `shape` in the lattice; `curvature` switches the curvature correction on.
-    pub(super) fn new(grid: &Grid, shape: &Shape, bone_from_tool: &Pose, curvature: bool) -> Self {
-        let Shape::Revolved(solid) = shape;
+    /// Places the faces of `solid` in the lattice (none for a tool of another kind); `curvature`
+    /// switches the curvature correction on.
+    pub(super) fn new(
+        grid: &Grid,
+        solid: Option<&Revolved>,
+        bone_from_tool: &Pose,
+        curvature: bool,
+    ) -> Self {
         let units = 1.0 / f64::from(grid.quantum_mm());
         let spacing = grid.spacing_mm * units;
         let bend = if curvature {
@@ -99,6 +103,9 @@ impl Placed {
             slack: 0.0,
         };
         placed.axis32 = placed.axis.as_vec3().to_array();
+        let Some(solid) = solid else {
+            return placed;
+        };
         let reach = solid.bounds.lo.abs().max(solid.bounds.hi.abs()).length();
         for part in &solid.parts {
             for face in &part.faces {

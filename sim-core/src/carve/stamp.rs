@@ -15,6 +15,7 @@ use super::node::{Node, Points};
 use super::patterns::{brick_layer, layer, line_middles};
 use super::pencil::{Losses, Pencil};
 use super::placed::{Kind, MAX_FLAT, Placed};
+use super::sampled::{Box3, Sampled};
 use crate::bone::{Bone, Occupancy};
 use crate::broad::ChunkRange;
 use crate::cut::Cut;
@@ -28,6 +29,8 @@ pub(super) struct Stamp<'a> {
     pub cut: &'a mut Cut,
     pub changed: &'a mut dyn FnMut(usize, usize),
     pub placed: &'a Placed,
+    /// A tool that is sampled on a grid; it has no faces then.
+    pub sampled: Option<Sampled<'a>>,
     pub tool: u8,
     pub account: bool,
     /// Units of work left.
@@ -45,6 +48,19 @@ impl Stamp<'_> {
                 first,
             },
         )
+    }
+}
+
+impl Stamp<'_> {
+    /// Notes the lines of a brick that are at their lowest (`bony` are those that matter), and says
+    /// that it changed.
+    fn finish(&mut self, place: (usize, usize), (full, bony): (u16, u16), any: bool) {
+        if full != 0 {
+            self.cut.add_emptied(place, full, bony);
+        }
+        if any {
+            (self.changed)(place.0, place.1);
+        }
     }
 }
 
@@ -79,7 +95,11 @@ impl Job for Chunks<'_, '_> {
             ];
             let coord = core::array::from_fn(|a| self.range.lo[a] + at[a]);
             if let Some(chunk) = self.stamp.bone.chunk_at(coord) {
-                kernel.chunk(self.stamp, &mut scratch, chunk, coord);
+                if let Some(sampled) = self.stamp.sampled {
+                    kernel.sample_chunk(self.stamp, &mut scratch, &sampled, (chunk, coord));
+                } else {
+                    kernel.chunk(self.stamp, &mut scratch, chunk, coord);
+                }
             }
             next += 1;
         }
@@ -240,6 +260,51 @@ impl<L: Lanes> Kernel<L> {
         }
     }
 
+    /// A chunk under a tool that is sampled on a grid.
+    #[inline(always)]
+    fn sample_chunk(
+        &self,
+        stamp: &mut Stamp<'_>,
+        scratch: &mut Scratch<L>,
+        sampled: &Sampled<'_>,
+        (chunk, coord): (usize, [usize; 3]),
+    ) {
+        let mut bricks = stamp.bone.bony_bricks(chunk) & !stamp.cut.emptied(chunk);
+        *stamp.budget -= 1;
+        if bricks == 0 || !sampled.reaches(coord) {
+            return;
+        }
+        while bricks != 0 {
+            let brick = bricks.trailing_zeros() as usize;
+            bricks &= bricks - 1;
+            *stamp.budget -= 1;
+            let first = sampled.first(coord, brick);
+            let place = (chunk, brick);
+            let bony = stamp.bone.bony_lines(chunk)[brick % BRICKS_PER_CHUNK];
+            let live = bony & !stamp.cut.emptied_lines(chunk, brick);
+            let [full, mut near] = match sampled.brick(first) {
+                Box3::Skip => continue,
+                Box3::Fill => [live, 0],
+                Box3::Look => sampled.lines(first, live),
+            };
+            *stamp.budget -= i64::from((full | near).count_ones());
+            if full | near == 0 {
+                continue;
+            }
+            let fields = (stamp.bone, &mut *stamp.cut);
+            let mut pencil =
+                Pencil::new(self.l, fields, place, self.occupancy, &mut scratch.losses);
+            pencil.fill(full);
+            while near != 0 {
+                let line = near.trailing_zeros() as usize;
+                near &= near - 1;
+                pencil.lower(line, sampled.line(self.l, first, line));
+            }
+            let any = pencil.close(&mut scratch.ledger);
+            stamp.finish(place, (full, bony), any);
+        }
+    }
+
     /// Lists the bricks of a layer that the tool reaches.
     #[inline(always)]
     fn bound_bricks(
@@ -356,12 +421,7 @@ impl<L: Lanes> Kernel<L> {
             }
         }
         let any = pencil.close(&mut scratch.ledger);
-        if task.full != 0 {
-            stamp.cut.add_emptied(place, task.full, task.bony);
-        }
-        if any {
-            (stamp.changed)(chunk, brick);
-        }
+        stamp.finish(place, (task.full, task.bony), any);
     }
 
     /// Lowers lines to the distances of `field`.

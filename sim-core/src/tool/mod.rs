@@ -107,6 +107,8 @@ impl Shape {
     pub fn smallest_radius_mm(&self) -> f32 {
         match self {
             Self::Revolved(solid) => solid.smallest_radius_mm(),
+            // a mesh may have edges anywhere: its cells are the smallest thing that it shows
+            Self::Grid(grid) => grid.spacing_mm,
         }
     }
 

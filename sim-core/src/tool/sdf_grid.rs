@@ -319,6 +319,11 @@ impl SdfGrid {
         self.surface_rms_mm = rms;
     }
 
+    /// The same nearer to the surface than [`BAND_MM`], where a value is a mean over one cell.
+    pub fn near_slack_mm(&self) -> f32 {
+        0.8661 * self.spacing_mm + UNIT_MM
+    }
+
     /// Bound on how far a value lies from the distance that it samples, mm, however far from the
     /// surface: a mean over the corners of a cell, of a field that changes by at most 1 mm per mm.
     /// Culling takes it off.

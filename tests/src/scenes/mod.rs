@@ -1,0 +1,3 @@
+//! Bones and trajectories that the reports run on.
+
+pub mod thesis;
