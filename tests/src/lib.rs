@@ -6,6 +6,9 @@
     reason = "a harness for tests: what goes wrong here is a failed test"
 )]
 
+pub mod measure;
+pub mod report;
+pub mod scenes;
 pub mod stroke;
 pub mod truth;
 

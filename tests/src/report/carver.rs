@@ -1,0 +1,352 @@
+//! One face for every method of carving that a report compares.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to the lattice before the cast; f64 becomes f32 as in every field"
+)]
+
+use crate::measure::intrinsic::Replay;
+use glam::DVec3;
+use osteon_sim_core::bone::{Bone, Occupancy};
+use osteon_sim_core::carve::{CarveStep, carve};
+use osteon_sim_core::cut::Cut;
+use osteon_sim_core::grid::{CHUNK_VOXELS, Grid};
+use osteon_sim_core::pose::Pose;
+use osteon_sim_core::sample::fields;
+use osteon_sim_core::tool::Tool;
+
+/// A method on a bone with a tool.
+pub trait Carver: Sync {
+    /// Name in the report's rows.
+    fn name(&self) -> &str;
+    /// The instructions that it runs on.
+    fn isa(&self) -> &str;
+    /// One event, the tool moving from a pose to the next (`bone_from_tool`): everything that a tick
+    /// would do for it, the account of removed volume included. True where something changed.
+    fn event(&mut self, from: &Pose, to: &Pose) -> bool;
+    /// Back to the uncut bone.
+    fn reset(&mut self);
+    /// Memory that the method holds for bone, cut and tool, bytes.
+    fn bytes(&self) -> usize;
+    /// Distance to what was cut at a point of the bone frame, mm, positive outside: as the method's own
+    /// surface is defined. Only its sign matters to the report.
+    fn cut_mm(&self, p: DVec3) -> f32;
+    /// Whether the voxel's centre was removed.
+    fn is_removed(&self, voxel: [usize; 3]) -> bool;
+    /// Removed volume by the method's own account, mm³.
+    fn removed_mm3(&self) -> f64;
+    /// Ours, and not a rival: gets more time, and is what floors are about.
+    fn ours(&self) -> bool {
+        self.name().starts_with("osteon")
+    }
+}
+
+/// The product's kernel.
+#[derive(Debug)]
+pub struct Kernel<'a> {
+    name: &'static str,
+    bone: &'a Bone,
+    tool: &'a Tool,
+    cut: Cut,
+    epoch: u32,
+    sweeps: bool,
+}
+
+impl<'a> Kernel<'a> {
+    /// As the servo runs it.
+    pub fn new(bone: &'a Bone, tool: &'a Tool) -> Self {
+        Self {
+            name: "osteon",
+            bone,
+            tool,
+            cut: Cut::new(bone),
+            epoch: 0,
+            sweeps: true,
+        }
+    }
+
+    /// One stamp an event, at its end: without the sweep.
+    pub fn stamping(bone: &'a Bone, tool: &'a Tool) -> Self {
+        Self {
+            name: "osteon-one-stamp",
+            sweeps: false,
+            ..Self::new(bone, tool)
+        }
+    }
+}
+
+impl Carver for Kernel<'_> {
+    fn name(&self) -> &str {
+        self.name
+    }
+
+    fn isa(&self) -> &'static str {
+        "portable"
+    }
+
+    fn event(&mut self, from: &Pose, to: &Pose) -> bool {
+        let step = CarveStep {
+            tool: 0,
+            before: if self.sweeps { *from } else { *to },
+            after: *to,
+        };
+        let mut hit = false;
+        carve(self.bone, &mut self.cut, self.tool, &step, &mut |_, _| {
+            hit = true;
+        });
+        hit
+    }
+
+    fn reset(&mut self) {
+        self.epoch += 1;
+        self.cut.reset(self.epoch);
+    }
+
+    fn bytes(&self) -> usize {
+        self.bone.chunk_count() * CHUNK_VOXELS * FIELDS.iter().map(|f| f.1).sum::<usize>()
+    }
+
+    fn cut_mm(&self, p: DVec3) -> f32 {
+        fields(self.bone, &self.cut, p).cut
+    }
+
+    fn is_removed(&self, voxel: [usize; 3]) -> bool {
+        self.bone
+            .locate(voxel)
+            .is_some_and(|(chunk, at)| self.cut.value(chunk, at) < 0)
+    }
+
+    fn removed_mm3(&self) -> f64 {
+        Cut::mm3(self.bone.grid(), self.cut.totals().units())
+    }
+}
+
+/// The fields of a voxel and their bytes: all of a bone's chunk, and the cut's pool.
+pub const FIELDS: [(&str, usize); 5] = [
+    ("density", 2),
+    ("solid distance", 2),
+    ("tissue class", 1),
+    ("structure label", 1),
+    ("cut distance", 2),
+];
+
+/// A method that removes whole voxels, one pose an event.
+pub trait Voxels: Sync {
+    /// Name in the report's rows.
+    fn name(&self) -> &str;
+    /// The instructions that it runs on.
+    fn isa(&self) -> &str;
+    /// One collision event; voxels removed.
+    fn event(&mut self, bone_from_tool: &Pose) -> u64;
+    /// Back to the uncut bone.
+    fn restore(&mut self);
+    /// Whether a voxel was removed.
+    fn is_removed(&self, voxel: [usize; 3]) -> bool;
+    /// Bytes held.
+    fn bytes(&self) -> usize;
+}
+
+/// A method of whole voxels as a [`Carver`]: its surface lies on the faces between voxels.
+#[derive(Debug)]
+pub struct Binary<V> {
+    grid: Grid,
+    voxels: V,
+    removed: u64,
+}
+
+impl<V: Voxels> Binary<V> {
+    /// On the lattice of `bone`.
+    pub fn new(bone: &Bone, voxels: V) -> Self {
+        Self {
+            grid: *bone.grid(),
+            voxels,
+            removed: 0,
+        }
+    }
+}
+
+impl<V: Voxels> Carver for Binary<V> {
+    fn name(&self) -> &str {
+        self.voxels.name()
+    }
+
+    fn isa(&self) -> &str {
+        self.voxels.isa()
+    }
+
+    fn event(&mut self, _from: &Pose, to: &Pose) -> bool {
+        let removed = self.voxels.event(to);
+        self.removed += removed;
+        removed > 0
+    }
+
+    fn reset(&mut self) {
+        self.removed = 0;
+        self.voxels.restore();
+    }
+
+    fn bytes(&self) -> usize {
+        self.voxels.bytes()
+    }
+
+    fn cut_mm(&self, p: DVec3) -> f32 {
+        let half = 0.5 * self.grid.spacing_mm.min_element() as f32;
+        let at = (p / self.grid.spacing_mm + 0.5).floor();
+        let dims = DVec3::from_array(self.grid.dims.map(|n| n as f64 - 1.0));
+        let voxel = at.clamp(DVec3::ZERO, dims).to_array().map(|v| v as usize);
+        if self.voxels.is_removed(voxel) {
+            -half
+        } else {
+            half
+        }
+    }
+
+    fn is_removed(&self, voxel: [usize; 3]) -> bool {
+        self.voxels.is_removed(voxel)
+    }
+
+    fn removed_mm3(&self) -> f64 {
+        self.removed as f64 * self.grid.voxel_mm3()
+    }
+}
+
+/// A carver on its way along a trajectory.
+pub struct Along<'a, 'b> {
+    carver: &'a mut (dyn Carver + 'b),
+    poses: &'a [Pose],
+    last: usize,
+}
+
+impl<'a, 'b> Along<'a, 'b> {
+    /// From the first pose on.
+    pub fn new(carver: &'a mut (dyn Carver + 'b), poses: &'a [Pose]) -> Self {
+        Self {
+            carver,
+            poses,
+            last: 0,
+        }
+    }
+}
+
+impl std::fmt::Debug for Along<'_, '_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} at pose {}", self.carver.name(), self.last)
+    }
+}
+
+impl Replay for Along<'_, '_> {
+    fn reset(&mut self) {
+        self.carver.reset();
+        self.last = 0;
+    }
+
+    fn event(&mut self, n: usize) -> bool {
+        let hit = self
+            .carver
+            .event(&self.poses[self.last], &self.poses[n + 1]);
+        self.last = n + 1;
+        hit
+    }
+}
+
+/// Units of a whole voxel, for tests of accounts.
+pub fn full_units(bone: &Bone) -> i64 {
+    Occupancy::new(bone.grid()).full()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::surface::{envelope, errors};
+    use crate::measure::swept::Swept;
+    use crate::measure::volume::accounts;
+    use crate::scenes::{bones, press};
+    use std::collections::BTreeSet;
+
+    /// Removes every solid voxel whose centre is in the tool: the plainest of all methods.
+    struct Brute<'a> {
+        bone: &'a Bone,
+        tool: &'a Tool,
+        gone: BTreeSet<[usize; 3]>,
+    }
+
+    impl Voxels for Brute<'_> {
+        fn name(&self) -> &'static str {
+            "brute"
+        }
+        fn isa(&self) -> &'static str {
+            "portable"
+        }
+        fn event(&mut self, bone_from_tool: &Pose) -> u64 {
+            let back = bone_from_tool.inverse();
+            let [nx, ny, nz] = self.bone.grid().dims;
+            let mut removed = 0;
+            for voxel in
+                (0..nz).flat_map(|k| (0..ny).flat_map(move |j| (0..nx).map(move |i| [i, j, k])))
+            {
+                let p = self.bone.grid().centre(voxel[0], voxel[1], voxel[2]);
+                let inside = self.tool.shape.signed_distance(back.point(p).as_vec3()) < 0.0;
+                let solid = self
+                    .bone
+                    .locate(voxel)
+                    .is_some_and(|(chunk, at)| self.bone.chunk(chunk).solid[at] > 0);
+                removed += u64::from(inside && solid && self.gone.insert(voxel));
+            }
+            removed
+        }
+        fn restore(&mut self) {
+            self.gone.clear();
+        }
+        fn is_removed(&self, voxel: [usize; 3]) -> bool {
+            self.gone.contains(&voxel)
+        }
+        fn bytes(&self) -> usize {
+            0
+        }
+    }
+
+    #[test]
+    fn a_method_of_whole_voxels_and_ours_are_measured_by_the_same_measure() {
+        let h = 0.8;
+        let built = bones::block(DVec3::new(46.0, 46.0, 18.0), DVec3::splat(h)).expect("a block");
+        let tool = Tool::glenoid_reamer();
+        let way =
+            press::straight(3.0, glam::DVec2::new(0.11, 0.07), 6).placed(&built.bone_from_plan);
+        let mut brute = Binary::new(
+            &built.bone,
+            Brute {
+                bone: &built.bone,
+                tool: &tool,
+                gone: BTreeSet::new(),
+            },
+        );
+        let mut kernel = Kernel::new(&built.bone, &tool);
+        let swept = Swept::new(tool.shape, &way.poses);
+        let points = envelope(&swept, &built.bone, 1500);
+        let mut rms = Vec::new();
+        for carver in [&mut kernel as &mut dyn Carver, &mut brute] {
+            let mut along = Along::new(carver, &way.poses);
+            along.reset();
+            let hits = (0..way.events()).filter(|&n| along.event(n)).count();
+            assert!(hits >= 5);
+            let e = errors(&points, DVec3::splat(h), 3.0, &|p| carver.cut_mm(p));
+            assert_eq!(e.smooth.lost, 0);
+            rms.push(e.smooth.rms_um);
+            let account = accounts(&swept, &built.bone, &[&|v| carver.is_removed(v)])[0];
+            let volume = carver.removed_mm3() / account.mm3 - 1.0;
+            assert!(volume.abs() < 0.03, "{} {volume}", carver.name());
+            assert_eq!(
+                (account.missed, account.excess),
+                (0, 0),
+                "{}",
+                carver.name()
+            );
+        }
+        // physics.md: h/√12 without a sub-voxel field, h²/(6R) with one
+        assert!(
+            (rms[1] / (1e3 * h / 12.0_f64.sqrt()) - 1.0).abs() < 0.25,
+            "{rms:?}"
+        );
+        assert!(rms[0] < 15.0, "{rms:?}");
+    }
+}

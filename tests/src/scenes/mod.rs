@@ -1,0 +1,4 @@
+//! Bones and trajectories that the reports run on.
+
+pub mod bones;
+pub mod press;
