@@ -120,13 +120,15 @@ fn trilinear(bone: &Bone, p: DVec3, outside: f64, read: impl Fn(usize, usize) ->
 /// bone. Fewer where most of the tool is outside of it.
 pub fn envelope(swept: &Swept, bone: &Bone, count: usize) -> Vec<SurfacePoint> {
     let h = bone.grid().spacing_mm;
+    // stored distances end at the band
+    let enough = (CREASE_VOXELS * h.max_element()).min(0.95 * bone.grid().band_mm());
     // a third of the candidates is inside the bone in a typical press
     let candidates = 8 * count;
     let mut found: Vec<SurfacePoint> = (0..candidates)
         .into_par_iter()
         .filter_map(|n| {
             let point = exact_point(swept, n, candidates, h.min_element())?;
-            let deep = solid_mm(bone, point.position) > CREASE_VOXELS * h.max_element();
+            let deep = solid_mm(bone, point.position) > enough;
             deep.then(|| SurfacePoint {
                 crease: is_crease(swept, &point, h.max_element()),
                 ..point

@@ -192,29 +192,32 @@ impl Swept {
         .try_normalize()
     }
 
-    /// Poses whose surface may pass within `radius` of `p` or that hold all of the ball; `None` where
-    /// one of `among` certainly holds it all.
-    pub(super) fn near(&self, among: Option<&[u32]>, p: DVec3, radius: f64) -> Option<Vec<u32>> {
-        let mut found = Vec::new();
+    /// Distance at `p`, and the poses that can be nearest anywhere within `radius` of it, out of `among`
+    /// (all where it is `None`). Distances change by at most the way: a pose that is more than two radii
+    /// behind at the middle is behind everywhere.
+    pub(super) fn near(&self, among: Option<&[u32]>, p: DVec3, radius: f64) -> (f64, Vec<u32>) {
+        let mut least = f64::INFINITY;
+        let mut found: Vec<(f64, u32)> = Vec::new();
         let mut take = |pose: usize| {
             let d = self.at(pose, p);
-            if d < radius {
-                found.push(pose as u32);
+            least = least.min(d);
+            if d <= least + 2.0 * radius {
+                found.push((d, pose as u32));
             }
-            d > -radius
         };
         if let Some(list) = among {
-            if !list.iter().all(|&pose| take(pose as usize)) {
-                return None;
+            list.iter().for_each(|&pose| take(pose as usize));
+        } else {
+            let most = self.nearest(p).distance + 2.0 * radius;
+            for group in &self.groups {
+                if self.bound(group, p).0 <= most {
+                    (group.first..group.end).for_each(&mut take);
+                }
             }
-            return Some(found);
         }
-        for group in &self.groups {
-            if self.bound(group, p).0 < radius && !(group.first..group.end).all(&mut take) {
-                return None;
-            }
-        }
-        Some(found)
+        let most = least + 2.0 * radius + 1e-4;
+        found.retain(|f| f.0 <= most);
+        (least, found.into_iter().map(|f| f.1).collect())
     }
 
     /// Lowest and highest corner of a box around all of it, bone frame, mm.

@@ -44,15 +44,6 @@ impl Account {
     pub fn excess_frac(&self) -> Option<f64> {
         (self.voxels > 0).then(|| self.excess as f64 / self.voxels as f64)
     }
-
-    fn plus(self, other: Self) -> Self {
-        Self {
-            mm3: self.mm3 + other.mm3,
-            voxels: self.voxels + other.voxels,
-            missed: self.missed + other.missed,
-            excess: self.excess + other.excess,
-        }
-    }
 }
 
 /// One account for each of `methods`; the truth is the same in all.
@@ -78,19 +69,31 @@ pub fn accounts(swept: &Swept, bone: &Bone, methods: &[Removed<'_>]) -> Vec<Acco
         methods,
         occupancy,
     };
-    let zero = || vec![Account::default(); methods.len().max(1)];
+    let zero = || vec![Account::default(); methods.len()];
     // one list in the boxes' order: the sums do not depend on the threads
-    let parts: Vec<Vec<Account>> = boxes
+    let parts: Vec<(Vec<Account>, Vec<u64>)> = boxes
         .into_par_iter()
         .map(|lo| {
-            let mut sums = zero();
+            let (mut sums, mut removed) = (zero(), vec![0; methods.len()]);
             job.cube(lo, BOX, None, &mut sums);
-            sums
+            job.removed(lo, &mut removed);
+            (sums, removed)
         })
         .collect();
-    parts.into_iter().fold(zero(), |a, b| {
-        a.into_iter().zip(b).map(|(a, b)| a.plus(b)).collect()
-    })
+    let mut all = zero();
+    for (sums, removed) in parts {
+        for (total, (sum, removed)) in all.iter_mut().zip(sums.iter().zip(removed)) {
+            total.mm3 += sum.mm3;
+            total.voxels += sum.voxels;
+            total.missed += sum.missed;
+            total.excess += removed;
+        }
+    }
+    for total in &mut all {
+        // what was removed and should have been is no excess
+        total.excess -= total.voxels - total.missed;
+    }
+    all
 }
 
 struct Job<'a> {
@@ -109,13 +112,13 @@ impl Job<'_> {
         let h = self.bone.grid().spacing_mm;
         let half = 0.5 * (size - 1) as f64;
         let middle = DVec3::from_array(lo.map(|v| v as f64 + half)) * h;
-        // the box of whole voxels, and two more where excess may lie
-        let radius = (0.5 * size as f64 + 2.0) * h.length();
-        let Some(near) = self.swept.near(among, middle, radius) else {
-            self.all_inside(lo, size, sums);
+        let radius = 0.5 * size as f64 * h.length();
+        let (distance, near) = self.swept.near(among, middle, radius);
+        if distance >= radius {
             return;
-        };
-        if near.is_empty() {
+        }
+        if distance <= -radius {
+            self.all_inside(lo, size, sums);
             return;
         }
         if size > 1 {
@@ -127,7 +130,16 @@ impl Job<'_> {
             }
             return;
         }
-        self.voxel(lo, &near, sums);
+        let Some(solid) = self.solid(lo) else {
+            return;
+        };
+        let fraction = if solid > -i16::MAX {
+            self.fraction(middle, h, &near, 0)
+        } else {
+            0.0
+        };
+        let mm3 = self.bone.grid().voxel_mm3() * fraction;
+        self.book(lo, solid > 0, (mm3, distance < 0.0), sums);
     }
 
     fn solid(&self, at: [usize; 3]) -> Option<i16> {
@@ -153,60 +165,56 @@ impl Job<'_> {
         }
     }
 
-    /// A voxel near the tool's surface: cubes of a third of its edge.
-    fn voxel(&self, at: [usize; 3], near: &[u32], sums: &mut [Account]) {
-        let Some(solid) = self.solid(at) else {
-            return;
-        };
-        let grid = self.bone.grid();
-        let h = grid.spacing_mm;
-        let centre = grid.centre(at[0], at[1], at[2]);
-        let middle = self.tool(centre, near);
-        let fraction = if middle < 0.6 * h.length() && solid > -i16::MAX {
-            self.fraction(centre, h, near, 2)
-        } else {
-            0.0
-        };
-        let mm3 = grid.voxel_mm3() * fraction;
-        self.book(at, solid > 0, (mm3, middle < 0.0), sums);
-    }
-
-    fn tool(&self, p: DVec3, near: &[u32]) -> f64 {
-        let each = near.iter().map(|&pose| self.swept.at(pose as usize, p));
-        each.fold(f64::INFINITY, f64::min)
-    }
-
-    /// The fraction of a small box that is bone inside the tool: its thirds by the smaller distance, or
-    /// again by their thirds where both surfaces may run through (a thin wedge at the rim of a cut).
-    fn fraction(&self, centre: DVec3, edge: DVec3, near: &[u32], depth: u8) -> f64 {
-        const PARTS: usize = 3;
-        let part = edge / PARTS as f64;
-        let mut sum = 0.0;
-        for n in 0..PARTS.pow(3) {
-            let cell = [n % PARTS, n / PARTS % PARTS, n / (PARTS * PARTS)];
-            let shift = cell.map(|c| c as f64 - 0.5 * (PARTS - 1) as f64);
-            let p = centre + DVec3::from_array(shift) * part;
-            let (solid, tool) = (solid_mm(self.bone, p), -self.tool(p, near));
-            let both = solid.abs().max(tool.abs()) < 0.9 * part.length();
-            sum += if both && depth > 0 {
-                self.fraction(p, part, near, depth - 1)
-            } else {
-                (0.5 + solid.min(tool) / part.max_element()).clamp(0.0, 1.0)
-            };
+    /// The fraction of a small box that is bone inside the tool. Halved twice, and twice more where both
+    /// surfaces may run through it (a thin wedge at the rim of a cut); then by the smaller distance.
+    fn fraction(&self, centre: DVec3, edge: DVec3, among: &[u32], depth: u8) -> f64 {
+        let radius = 0.5 * edge.length();
+        let (distance, near) = self.swept.near(Some(among), centre, radius);
+        if distance >= radius {
+            return 0.0;
         }
-        sum / PARTS.pow(3) as f64
+        let solid = solid_mm(self.bone, centre);
+        let both = solid.abs().max(distance.abs()) < radius;
+        if depth < if both { 4 } else { 2 } {
+            let part = 0.5 * edge;
+            let corners = (0..8u8).map(|n| {
+                let at = [n & 1, (n >> 1) & 1, n >> 2].map(|b| f64::from(b) - 0.5);
+                self.fraction(
+                    centre + DVec3::from_array(at) * part,
+                    part,
+                    &near,
+                    depth + 1,
+                )
+            });
+            return corners.sum::<f64>() / 8.0;
+        }
+        (0.5 + solid.min(-distance) / edge.max_element()).clamp(0.0, 1.0)
     }
 
     fn book(&self, at: [usize; 3], solid: bool, (mm3, inside): (f64, bool), sums: &mut [Account]) {
-        for (n, sum) in sums.iter_mut().enumerate() {
+        for (sum, removed) in sums.iter_mut().zip(self.methods) {
             sum.mm3 += mm3;
-            if !solid {
-                continue;
+            if solid && inside {
+                sum.voxels += 1;
+                sum.missed += u64::from(!removed(at));
             }
-            let removed = self.methods.get(n).is_some_and(|m| m(at));
-            sum.voxels += u64::from(inside);
-            sum.missed += u64::from(inside && !removed);
-            sum.excess += u64::from(!inside && removed);
+        }
+    }
+
+    /// Voxels of a box that each method removed.
+    fn removed(&self, lo: [usize; 3], sums: &mut [u64]) {
+        let dims = self.bone.grid().dims;
+        let end: [usize; 3] = std::array::from_fn(|a| (lo[a] + BOX).min(dims[a]));
+        for k in lo[2]..end[2] {
+            for j in lo[1]..end[1] {
+                for i in lo[0]..end[0] {
+                    if self.solid([i, j, k]).is_some_and(|d| d > 0) {
+                        for (sum, removed) in sums.iter_mut().zip(self.methods) {
+                            *sum += u64::from(removed([i, j, k]));
+                        }
+                    }
+                }
+            }
         }
     }
 }

@@ -92,11 +92,11 @@ pub fn peg_press() -> Trajectory {
     })
 }
 
-/// The tool circles 10 mm above the joint face at 50 mm/s. 1000 events.
+/// The tool circles 14 mm above the joint face at 50 mm/s. 1000 events.
 pub fn free() -> Trajectory {
     Trajectory::of("free", 1000, |n| {
         let way = 50.0 * TICK_S * f64::from(n);
-        leaning((DVec2::from_angle(way / 5.0) * 5.0).extend(10.0), TILT)
+        leaning((DVec2::from_angle(way / 5.0) * 5.0).extend(14.0), TILT)
     })
 }
 

@@ -16,7 +16,7 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
     let h = if out.effort.quick { 1.2 } else { 0.47 };
     let built = bones::block(DVec3::new(76.0, 46.0, 18.0), DVec3::splat(h))?;
     let scenes: [(&str, Trajectory); 2] = [
-        ("press", press::straight(3.0, DVec2::new(0.11, 0.07), 300)),
+        ("press", press::straight(4.0, DVec2::new(0.11, 0.07), 300)),
         (
             "sweep 200 mm/s",
             press::sweep().thinned(2400.min(out.effort.events)),

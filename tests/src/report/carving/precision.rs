@@ -15,7 +15,7 @@ use osteon_sim_core::tool::Tool;
 use std::collections::BTreeMap;
 
 /// The block that accuracy is measured in, mm.
-const BLOCK: DVec3 = DVec3::new(46.0, 46.0, 16.0);
+const BLOCK: DVec3 = DVec3::new(46.0, 46.0, 18.0);
 /// Leans of the tool against the lattice, rad; the first is the aligned worst case.
 const LEANS: [DVec2; 3] = [DVec2::ZERO, DVec2::new(0.11, 0.07), DVec2::new(-0.19, 0.23)];
 /// Shifts of the plan against the lattice, voxels.
@@ -33,7 +33,7 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
     over_sub_steps(out)
 }
 
-/// P1 and P3: the reamer pressed 3 mm into a block, over voxel size.
+/// P1 and P3: the reamer pressed 5 mm into a block, over voxel size.
 fn over_voxels(out: &mut Output) -> Result<()> {
     let sizes: &[f64] = if out.effort.quick {
         &[2.0, 1.0]
@@ -78,7 +78,7 @@ fn over_voxels(out: &mut Output) -> Result<()> {
     let table = table_of(
         out,
         "precision",
-        "Reamer pressed 3 mm into a block",
+        "Reamer pressed 5 mm into a block",
         "block-reamer",
     );
     out.table(&table)?;
@@ -139,7 +139,7 @@ fn pressed(out: &Output, spacing: DVec3, kit: &Kit, all: bool) -> Result<Vec<Row
     let mut rows = Vec::new();
     for n in 0..out.effort.offsets as usize {
         let shift = Pose::new(glam::DQuat::IDENTITY, SHIFTS[n] * spacing);
-        let way = press::straight(3.0, LEANS[n], 150).placed(&shift.then(&built.bone_from_plan));
+        let way = press::straight(5.0, LEANS[n], 150).placed(&shift.then(&built.bone_from_plan));
         let case = Case {
             scene: format!("block-reamer-{}-{n}", name(spacing)),
             bone: &built.bone,
@@ -201,7 +201,7 @@ fn over_tool_cells(out: &mut Output) -> Result<()> {
     }
     let built = bones::block(BLOCK, h)?;
     let kit = Kit::new(Tool::glenoid_reamer());
-    let way = press::straight(3.0, LEANS[0], 150).placed(&built.bone_from_plan);
+    let way = press::straight(5.0, LEANS[0], 150).placed(&built.bone_from_plan);
     let case = Case {
         scene: "block-reamer-exact-tool".to_owned(),
         bone: &built.bone,
