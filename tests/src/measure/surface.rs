@@ -116,35 +116,33 @@ fn trilinear(bone: &Bone, p: DVec3, outside: f64, read: impl Fn(usize, usize) ->
     sum
 }
 
-/// About `count` points of the exact swept surface that lie at least [`CREASE_VOXELS`] deep inside the
+/// At most `count` points of the exact swept surface that lie at least [`CREASE_VOXELS`] deep inside the
 /// bone. Fewer where most of the tool is outside of it.
 pub fn envelope(swept: &Swept, bone: &Bone, count: usize) -> Vec<SurfacePoint> {
     let h = bone.grid().spacing_mm;
     // stored distances end at the band
     let enough = (CREASE_VOXELS * h.max_element()).min(0.95 * bone.grid().band_mm());
     // a third of the candidates is inside the bone in a typical press
-    let candidates = 8 * count;
+    let candidates = 6 * count;
     let mut found: Vec<SurfacePoint> = (0..candidates)
         .into_par_iter()
         .filter_map(|n| {
-            let point = exact_point(swept, n, candidates, h.min_element())?;
-            let deep = solid_mm(bone, point.position) > enough;
-            deep.then(|| SurfacePoint {
-                crease: is_crease(swept, &point, h.max_element()),
-                ..point
-            })
+            let point = exact_point(swept, bone, n, candidates)?;
+            (solid_mm(bone, point.position) > enough).then_some(point)
         })
         .collect();
     let every = found.len().div_ceil(count.max(1)).max(1);
-    if found.len() > count {
-        found = found.into_iter().step_by(every).collect();
-    }
+    found = found.into_iter().step_by(every).collect();
+    found.par_iter_mut().for_each(|point| {
+        point.crease = is_crease(swept, point, h.max_element());
+    });
     found
 }
 
 /// A point of the swept surface, from candidate `n` of `count`: from a point of one pose's surface out
 /// of all tools, then back to the nearest surface.
-fn exact_point(swept: &Swept, n: usize, count: usize, h: f64) -> Option<SurfacePoint> {
+fn exact_point(swept: &Swept, bone: &Bone, n: usize, count: usize) -> Option<SurfacePoint> {
+    let h = bone.grid().spacing_mm.min_element();
     let fraction = |g: f64| (n as f64 * g).fract();
     // half of the candidates at the last pose, which shapes most of what a press leaves
     let last = swept.len() - 1;
@@ -156,6 +154,10 @@ fn exact_point(swept: &Swept, n: usize, count: usize, h: f64) -> Option<SurfaceP
     let (q, out) = on_outline(swept.shape(), fraction(GOLDEN[0]), fraction(GOLDEN[1]))?;
     let at = swept.bone_from_tool(pose);
     let (mut p, out) = (at.point(q), at.vector(out));
+    // far outside of the bone: the walk outward will hardly lead into it
+    if solid_mm(bone, p) <= -0.9 * bone.grid().band_mm() {
+        return None;
+    }
     p += out * (0.3 * h);
     for _ in 0..24 {
         let nearest = swept.nearest(p);

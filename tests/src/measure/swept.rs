@@ -206,7 +206,9 @@ impl Swept {
             }
         };
         if let Some(list) = among {
-            list.iter().for_each(|&pose| take(pose as usize));
+            for &pose in list {
+                take(pose as usize);
+            }
         } else {
             let most = self.nearest(p).distance + 2.0 * radius;
             for group in &self.groups {

@@ -20,7 +20,6 @@ use super::Machine;
 use crate::measure::intrinsic;
 use anyhow::{Context as _, Result};
 use clap::ValueEnum;
-use osteon_firmware_bridge::progress::Progress;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -109,14 +108,15 @@ pub fn run(args: &CarvingArgs) -> Result<()> {
     let mut out = Output::new(args.out.clone(), effort, machine);
     let chosen = |part: &Part| args.only.is_empty() || args.only.contains(part);
     let parts: Vec<Part> = Part::ALL.into_iter().filter(chosen).collect();
-    let mut progress = Progress::new("carving report");
     for (n, part) in parts.iter().enumerate() {
-        progress.show(part.name(), n as f32 / parts.len() as f32);
+        out.part_begins(part.name(), n as f32 / parts.len() as f32);
         let start = Instant::now();
         part.run(&mut out)
             .with_context(|| format!("the report's part '{}'", part.name()))?;
         out.part_done(part.name(), start.elapsed().as_secs_f64());
     }
-    progress.finish();
     out.finish(args.quick)
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,4 +1,4 @@
-//! Log–log plots as SVG, each with its CSV beside it.
+//! Log–log plots as SVG, each with its CSV beside it. Axes and ticks are our own.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,
@@ -7,8 +7,9 @@
 
 use super::table::Table;
 use anyhow::{Context as _, Result, anyhow};
-use plotters::coord::combinators::LogCoord;
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::prelude::*;
+use std::ops::Range;
 use std::path::Path;
 
 /// One setting of a series.
@@ -68,7 +69,7 @@ const COLOURS: [RGBColor; 10] = [
 const FAINT: RGBColor = RGBColor(150, 150, 150);
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogCoord<f64>, LogCoord<f64>>>;
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Decades, Decades>>;
 
 impl Point {
     /// A plain point.
@@ -96,6 +97,51 @@ impl Point {
             band,
             failed,
         }
+    }
+}
+
+/// A logarithmic axis with ticks at round numbers: the more decades, the fewer.
+#[derive(Debug, Clone)]
+struct Decades(Range<f64>);
+
+impl From<Range<f64>> for Decades {
+    fn from(range: Range<f64>) -> Self {
+        Self(range)
+    }
+}
+
+impl Ranged for Decades {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        let (lo, hi) = (self.0.start.ln(), self.0.end.ln());
+        let t = (value.ln() - lo) / (hi - lo);
+        (f64::from(limit.0) + t * f64::from(limit.1 - limit.0)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _hint: Hint) -> Vec<f64> {
+        let (lo, hi) = (self.0.start.log10(), self.0.end.log10());
+        let digits: &[f64] = match hi - lo {
+            d if d < 0.8 => &[1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0],
+            d if d < 1.6 => &[1.0, 2.0, 3.0, 5.0, 7.0],
+            d if d < 3.2 => &[1.0, 2.0, 5.0],
+            _ => &[1.0],
+        };
+        (lo.floor() as i32..=hi.ceil() as i32)
+            .flat_map(|decade| digits.iter().map(move |d| d * 10f64.powi(decade)))
+            .filter(|t| self.0.contains(t))
+            .collect()
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.0.clone()
+    }
+}
+
+impl ValueFormatter<f64> for Decades {
+    fn format(value: &f64) -> String {
+        tick(*value)
     }
 }
 
@@ -179,7 +225,7 @@ impl Plot {
     }
 
     /// Range of the drawable values of one axis, widened to have some air.
-    fn range(&self, value: impl Fn(&Point) -> f64, more: &[f64]) -> std::ops::Range<f64> {
+    fn range(&self, value: impl Fn(&Point) -> f64, more: &[f64]) -> Range<f64> {
         let bands = self.series.iter().flat_map(|s| &s.points);
         let values = bands.map(value).chain(more.iter().copied());
         let (lo, hi) = values
@@ -190,8 +236,8 @@ impl Plot {
         if lo > hi {
             return 0.1..10.0;
         }
-        // never less than a third of a decade, or there would be no ticks
-        let air = (1.45 / (hi / lo).powf(0.5)).max(1.25);
+        // never less than half a decade, or there would be hardly a tick
+        let air = (1.8 / (hi / lo).sqrt()).max(1.2);
         lo / air..hi * air
     }
 
@@ -209,7 +255,7 @@ impl Plot {
             .margin(10)
             .x_label_area_size(46)
             .y_label_area_size(66)
-            .build_cartesian_2d(x.clone().log_scale(), y.clone().log_scale())
+            .build_cartesian_2d(Decades(x.clone()), Decades(y.clone()))
             .map_err(broken)?;
         chart
             .configure_mesh()
@@ -217,10 +263,10 @@ impl Plot {
             .y_desc(&self.axes[1])
             .axis_desc_style(("sans-serif", 14))
             .label_style(("sans-serif", 12))
-            .light_line_style(RGBColor(240, 240, 240))
-            .bold_line_style(RGBColor(215, 215, 215))
-            .x_label_formatter(&|v| tick(*v))
-            .y_label_formatter(&|v| tick(*v))
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(RGBColor(225, 225, 225))
+            .x_labels(12)
+            .y_labels(12)
             .draw()
             .map_err(broken)?;
         self.guides(&mut chart, &x, &y)?;
@@ -232,12 +278,7 @@ impl Plot {
     }
 
     /// Faint slopes and levels.
-    fn guides(
-        &self,
-        chart: &mut Chart<'_, '_>,
-        x: &std::ops::Range<f64>,
-        y: &std::ops::Range<f64>,
-    ) -> Result<()> {
+    fn guides(&self, chart: &mut Chart<'_, '_>, x: &Range<f64>, y: &Range<f64>) -> Result<()> {
         let middle = ((x.start * x.end).sqrt(), (y.start * y.end).sqrt());
         let mut line = |points: Vec<(f64, f64)>, label: &str| -> Result<()> {
             let inside = points.into_iter().filter(|(_, v)| y.contains(v));

@@ -7,6 +7,7 @@ use crate::report::plot::Plot;
 use crate::report::table::{Table, short};
 use crate::scenes::bones::BuiltBone;
 use anyhow::{Context as _, Result};
+use osteon_firmware_bridge::progress::Progress;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -52,6 +53,9 @@ pub struct Output {
     pub bones: Vec<BoneFacts>,
     parts: Vec<PartTime>,
     text: String,
+    progress: Progress,
+    part: &'static str,
+    share: f32,
 }
 
 #[derive(Serialize)]
@@ -75,6 +79,9 @@ impl Output {
             bones: Vec::new(),
             parts: Vec::new(),
             text: String::new(),
+            progress: Progress::new("carving report"),
+            part: "",
+            share: 0.0,
         }
     }
 
@@ -112,6 +119,18 @@ impl Output {
         });
     }
 
+    /// Says that a part begins, `share` of the report being done.
+    pub fn part_begins(&mut self, part: &'static str, share: f32) {
+        (self.part, self.share) = (part, share);
+        self.stage("");
+    }
+
+    /// Says what the part is at.
+    pub fn stage(&mut self, what: &str) {
+        self.progress
+            .show(&format!("{} {what}", self.part), self.share);
+    }
+
     /// Notes how long a part took and says so.
     pub fn part_done(&mut self, part: &str, seconds: f64) {
         #[expect(clippy::print_stderr, reason = "progress of a command")]
@@ -126,6 +145,7 @@ impl Output {
 
     /// Writes carving.json and carving.md, and where they are.
     pub fn finish(mut self, quick: bool) -> Result<()> {
+        self.progress.finish();
         self.machine.finish();
         let verdicts = floors::verdicts(&self.rows);
         let json = Json {

@@ -272,7 +272,9 @@ fn measure_stroke(
         reason = "10 to 320 steps"
     )]
     let events = (20.0 / step).round() as u32;
-    let poses = (0..=events)
+    // the first event stamps where the stroke begins
+    let poses = std::iter::once(0)
+        .chain(0..=events)
         .map(|n| {
             let x = 20.0 * f64::from(n) / f64::from(events) - 10.0;
             Pose::new(glam::DQuat::IDENTITY, DVec3::new(x, 0.013 * x, -4.0))

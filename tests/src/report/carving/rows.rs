@@ -97,7 +97,7 @@ impl Effort {
     /// A measurement.
     pub const FULL: Self = Self {
         replays: intrinsic::REPLAYS,
-        ours_s: 12.0,
+        ours_s: 6.0,
         theirs_s: 1.5,
         points: 2000,
         events: usize::MAX,

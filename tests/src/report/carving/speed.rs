@@ -63,6 +63,7 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
     };
     let first = out.rows.len();
     for &voxel_mm in sizes {
+        out.stage(&format!("bone of {voxel_mm} mm"));
         let built = bones::scapula(voxel_mm, SCALE)?;
         out.note_bone("scapula", &built);
         let mut scenes = presses();
@@ -70,6 +71,7 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
             scenes.extend(others());
         }
         for scene in &scenes {
+            out.stage(&format!("{}-{voxel_mm}", scene.name));
             let rows = scene_rows(out, &built, scene);
             out.rows.extend(rows);
         }

@@ -14,6 +14,7 @@ use crate::scenes::bones::{self, BuiltBone};
 use anyhow::Result;
 use osteon_sim_core::cut::Cut;
 use osteon_sim_core::tool::Tool;
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 /// Runs the part.
@@ -260,6 +261,7 @@ fn over_chunks(out: &mut Output, built: &BuiltBone) -> Result<()> {
         ],
     );
     let kit = Kit::new(tools::thesis_peg());
+    let mut times: BTreeMap<(String, usize), Vec<f64>> = BTreeMap::new();
     for (n, pose) in statics::descent(built).into_iter().enumerate() {
         let chunks = statics::chunks_hit(&built.bone, &kit.tool, &pose, 32);
         if chunks == 0 {
@@ -267,13 +269,14 @@ fn over_chunks(out: &mut Output, built: &BuiltBone) -> Result<()> {
         }
         let scene = format!("static-peg-descent-{n}");
         for row in statics::measure_static(out, built, &kit, (&scene, pose)) {
-            plot.series(&row.method)
-                .push(Point::at(chunks as f64, row.p50_us.unwrap_or(f64::NAN)));
+            let key = (row.method.clone(), chunks);
+            let us = row.p50_us.unwrap_or(f64::NAN);
+            times.entry(key).or_default().push(us);
             out.rows.push(row);
         }
     }
-    for series in &mut plot.series {
-        series.points.sort_by(|a, b| a.x.total_cmp(&b.x));
+    for ((method, chunks), us) in &times {
+        plot.series(method).push(Point::median(*chunks as f64, us));
     }
     plot.series("thesis, published")
         .extend([1.0, 20.0].map(|chunks| Point::at(chunks, 65.0 * chunks)));
