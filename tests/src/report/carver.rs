@@ -7,7 +7,7 @@
 
 use crate::measure::intrinsic::Replay;
 use glam::DVec3;
-use osteon_sim_core::bone::{Bone, Occupancy};
+use osteon_sim_core::bone::Bone;
 use osteon_sim_core::carve::{CarveStep, carve};
 use osteon_sim_core::cut::Cut;
 use osteon_sim_core::grid::{CHUNK_VOXELS, Grid};
@@ -121,6 +121,77 @@ impl Carver for Kernel<'_> {
     }
 }
 
+/// The product's kernel, its cut read by whole voxels: what the sub-voxel field is worth. Its time is the
+/// kernel's, which makes the field all the same.
+#[derive(Debug)]
+pub struct WholeVoxels<'a>(Kernel<'a>);
+
+impl<'a> WholeVoxels<'a> {
+    /// As [`Kernel::new`].
+    pub fn new(bone: &'a Bone, tool: &'a Tool) -> Self {
+        Self(Kernel {
+            name: "osteon-whole-voxels",
+            ..Kernel::new(bone, tool)
+        })
+    }
+}
+
+impl Carver for WholeVoxels<'_> {
+    fn name(&self) -> &str {
+        self.0.name()
+    }
+
+    fn isa(&self) -> &str {
+        self.0.isa()
+    }
+
+    fn event(&mut self, from: &Pose, to: &Pose) -> bool {
+        self.0.event(from, to)
+    }
+
+    fn reset(&mut self) {
+        self.0.reset();
+    }
+
+    fn bytes(&self) -> usize {
+        self.0.bytes()
+    }
+
+    fn cut_mm(&self, p: DVec3) -> f32 {
+        let grid = self.0.bone.grid();
+        signed_by_voxel(grid, self.0.is_removed(nearest_voxel(grid, p)))
+    }
+
+    fn is_removed(&self, voxel: [usize; 3]) -> bool {
+        self.0.is_removed(voxel)
+    }
+
+    fn removed_mm3(&self) -> f64 {
+        let bone = self.0.bone;
+        let gone = |chunk: usize| {
+            let solid = bone.chunk(chunk).solid.iter().enumerate();
+            solid
+                .filter(|&(at, &d)| d > 0 && self.0.cut.value(chunk, at) < 0)
+                .count()
+        };
+        let voxels: usize = (0..bone.chunk_count()).map(gone).sum();
+        voxels as f64 * bone.grid().voxel_mm3()
+    }
+}
+
+/// The voxel whose centre is nearest to a point of the bone frame, clamped to the lattice.
+fn nearest_voxel(grid: &Grid, p: DVec3) -> [usize; 3] {
+    let at = (p / grid.spacing_mm + 0.5).floor();
+    let dims = DVec3::from_array(grid.dims.map(|n| n as f64 - 1.0));
+    at.clamp(DVec3::ZERO, dims).to_array().map(|v| v as usize)
+}
+
+/// Half a voxel to either side: only the sign counts.
+fn signed_by_voxel(grid: &Grid, removed: bool) -> f32 {
+    let half = 0.5 * grid.spacing_mm.min_element() as f32;
+    if removed { -half } else { half }
+}
+
 /// The fields of a voxel and their bytes: all of a bone's chunk, and the cut's pool.
 pub const FIELDS: [(&str, usize); 5] = [
     ("density", 2),
@@ -190,15 +261,8 @@ impl<V: Voxels> Carver for Binary<V> {
     }
 
     fn cut_mm(&self, p: DVec3) -> f32 {
-        let half = 0.5 * self.grid.spacing_mm.min_element() as f32;
-        let at = (p / self.grid.spacing_mm + 0.5).floor();
-        let dims = DVec3::from_array(self.grid.dims.map(|n| n as f64 - 1.0));
-        let voxel = at.clamp(DVec3::ZERO, dims).to_array().map(|v| v as usize);
-        if self.voxels.is_removed(voxel) {
-            -half
-        } else {
-            half
-        }
+        let voxel = nearest_voxel(&self.grid, p);
+        signed_by_voxel(&self.grid, self.voxels.is_removed(voxel))
     }
 
     fn is_removed(&self, voxel: [usize; 3]) -> bool {
@@ -249,104 +313,5 @@ impl Replay for Along<'_, '_> {
     }
 }
 
-/// Units of a whole voxel, for tests of accounts.
-pub fn full_units(bone: &Bone) -> i64 {
-    Occupancy::new(bone.grid()).full()
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::measure::surface::{envelope, errors};
-    use crate::measure::swept::Swept;
-    use crate::measure::volume::accounts;
-    use crate::scenes::{bones, press};
-    use std::collections::BTreeSet;
-
-    /// Removes every solid voxel whose centre is in the tool: the plainest of all methods.
-    struct Brute<'a> {
-        bone: &'a Bone,
-        tool: &'a Tool,
-        gone: BTreeSet<[usize; 3]>,
-    }
-
-    impl Voxels for Brute<'_> {
-        fn name(&self) -> &'static str {
-            "brute"
-        }
-        fn isa(&self) -> &'static str {
-            "portable"
-        }
-        fn event(&mut self, bone_from_tool: &Pose) -> u64 {
-            let back = bone_from_tool.inverse();
-            let [nx, ny, nz] = self.bone.grid().dims;
-            let mut removed = 0;
-            for voxel in
-                (0..nz).flat_map(|k| (0..ny).flat_map(move |j| (0..nx).map(move |i| [i, j, k])))
-            {
-                let p = self.bone.grid().centre(voxel[0], voxel[1], voxel[2]);
-                let inside = self.tool.shape.signed_distance(back.point(p).as_vec3()) < 0.0;
-                let solid = self
-                    .bone
-                    .locate(voxel)
-                    .is_some_and(|(chunk, at)| self.bone.chunk(chunk).solid[at] > 0);
-                removed += u64::from(inside && solid && self.gone.insert(voxel));
-            }
-            removed
-        }
-        fn restore(&mut self) {
-            self.gone.clear();
-        }
-        fn is_removed(&self, voxel: [usize; 3]) -> bool {
-            self.gone.contains(&voxel)
-        }
-        fn bytes(&self) -> usize {
-            0
-        }
-    }
-
-    #[test]
-    fn a_method_of_whole_voxels_and_ours_are_measured_by_the_same_measure() {
-        let h = 0.8;
-        let built = bones::block(DVec3::new(46.0, 46.0, 18.0), DVec3::splat(h)).expect("a block");
-        let tool = Tool::glenoid_reamer();
-        let way =
-            press::straight(3.0, glam::DVec2::new(0.11, 0.07), 6).placed(&built.bone_from_plan);
-        let mut brute = Binary::new(
-            &built.bone,
-            Brute {
-                bone: &built.bone,
-                tool: &tool,
-                gone: BTreeSet::new(),
-            },
-        );
-        let mut kernel = Kernel::new(&built.bone, &tool);
-        let swept = Swept::new(tool.shape, &way.poses);
-        let points = envelope(&swept, &built.bone, 1500);
-        let mut rms = Vec::new();
-        for carver in [&mut kernel as &mut dyn Carver, &mut brute] {
-            let mut along = Along::new(carver, &way.poses);
-            along.reset();
-            let hits = (0..way.events()).filter(|&n| along.event(n)).count();
-            assert!(hits >= 5);
-            let e = errors(&points, DVec3::splat(h), 3.0, &|p| carver.cut_mm(p));
-            assert_eq!(e.smooth.lost, 0);
-            rms.push(e.smooth.rms_um);
-            let account = accounts(&swept, &built.bone, &[&|v| carver.is_removed(v)])[0];
-            let volume = carver.removed_mm3() / account.mm3 - 1.0;
-            assert!(volume.abs() < 0.03, "{} {volume}", carver.name());
-            assert_eq!(
-                (account.missed, account.excess),
-                (0, 0),
-                "{}",
-                carver.name()
-            );
-        }
-        // physics.md: h/√12 without a sub-voxel field, h²/(6R) with one
-        assert!(
-            (rms[1] / (1e3 * h / 12.0_f64.sqrt()) - 1.0).abs() < 0.25,
-            "{rms:?}"
-        );
-        assert!(rms[0] < 15.0, "{rms:?}");
-    }
-}
+mod tests;

@@ -5,9 +5,11 @@
     reason = "pixels and a handful of series"
 )]
 
+mod decades;
+
 use super::table::Table;
 use anyhow::{Context as _, Result, anyhow};
-use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+use decades::Decades;
 use plotters::prelude::*;
 use std::ops::Range;
 use std::path::Path;
@@ -97,51 +99,6 @@ impl Point {
             band,
             failed,
         }
-    }
-}
-
-/// A logarithmic axis with ticks at round numbers: the more decades, the fewer.
-#[derive(Debug, Clone)]
-struct Decades(Range<f64>);
-
-impl From<Range<f64>> for Decades {
-    fn from(range: Range<f64>) -> Self {
-        Self(range)
-    }
-}
-
-impl Ranged for Decades {
-    type FormatOption = NoDefaultFormatting;
-    type ValueType = f64;
-
-    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
-        let (lo, hi) = (self.0.start.ln(), self.0.end.ln());
-        let t = (value.ln() - lo) / (hi - lo);
-        (f64::from(limit.0) + t * f64::from(limit.1 - limit.0)).round() as i32
-    }
-
-    fn key_points<Hint: KeyPointHint>(&self, _hint: Hint) -> Vec<f64> {
-        let (lo, hi) = (self.0.start.log10(), self.0.end.log10());
-        let digits: &[f64] = match hi - lo {
-            d if d < 0.8 => &[1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0],
-            d if d < 1.6 => &[1.0, 2.0, 3.0, 5.0, 7.0],
-            d if d < 3.2 => &[1.0, 2.0, 5.0],
-            _ => &[1.0],
-        };
-        (lo.floor() as i32..=hi.ceil() as i32)
-            .flat_map(|decade| digits.iter().map(move |d| d * 10f64.powi(decade)))
-            .filter(|t| self.0.contains(t))
-            .collect()
-    }
-
-    fn range(&self) -> Range<f64> {
-        self.0.clone()
-    }
-}
-
-impl ValueFormatter<f64> for Decades {
-    fn format(value: &f64) -> String {
-        tick(*value)
     }
 }
 
@@ -368,45 +325,5 @@ fn broken<E: std::fmt::Display>(e: E) -> anyhow::Error {
     anyhow!("{e}")
 }
 
-/// A tick's label: plain where it is short.
-fn tick(v: f64) -> String {
-    if (1e-3..1e5).contains(&v) {
-        format!("{}", (v * 1e6).round() * 1e-6)
-    } else {
-        format!("{v:e}")
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_plot_writes_its_picture_and_its_points() {
-        let dir = tempfile::tempdir().expect("a folder");
-        let mut plot = Plot::new("p", "A plot", "", ["voxel, mm", "time, µs"]);
-        plot.series("a")
-            .extend([Point::at(0.5, 10.0), Point::median(1.0, &[3.0, 1.0, 2.0])]);
-        plot.series("b").push(Point::median(1.0, &[f64::NAN]));
-        plot.slopes.push((-3.0, "slope -3".to_owned()));
-        plot.levels.push((20.0, "a floor".to_owned()));
-        plot.write(dir.path()).expect("written");
-        let csv = std::fs::read_to_string(dir.path().join("p.csv")).expect("a table");
-        assert_eq!(
-            csv,
-            "series,\"voxel, mm\",\"time, µs\",low,high,failed\n\
-             a,0.5,10,,,false\na,1,2,1,3,false\nb,1,,,,true\n"
-        );
-        let svg = std::fs::read_to_string(dir.path().join("p.svg")).expect("a picture");
-        for word in ["A plot", "time, µs", "slope -3", "a floor", "<circle"] {
-            assert!(svg.contains(word), "{word}");
-        }
-    }
-
-    #[test]
-    fn an_empty_plot_is_no_error() {
-        let dir = tempfile::tempdir().expect("a folder");
-        let plot = Plot::new("p", "Nothing", "", ["x", "y"]);
-        plot.write(dir.path()).expect("written");
-    }
-}
+mod tests;

@@ -9,7 +9,10 @@
     reason = "chunk coordinates are below 4096 / 32; lattices of at most 4096 voxels an edge; f64 becomes f32 as in every field"
 )]
 
+mod apron;
+
 use anyhow::{Context as _, Result, ensure};
+use apron::{APRON, Apron, apron_index};
 use glam::{DQuat, DVec3};
 use osteon_firmware_bridge::scene::phantom::shape::{self, LIPSCHITZ, Scapula};
 use osteon_firmware_bridge::scene::phantom::{BOX, CARTILAGE_MM, PLATE_MM, SHELL_MM};
@@ -22,8 +25,6 @@ use std::time::Instant;
 
 /// Chunks that are in flight before they are put into the bone.
 const BATCH: usize = 256;
-/// Edge of a chunk with its one-voxel apron.
-const APRON: usize = CHUNK + 2;
 
 /// A body as a distance-like function.
 pub trait Body: Sync {
@@ -282,81 +283,6 @@ fn hu(tissue: Tissue) -> i16 {
         Tissue::Cortical => 1.8,
     };
     hu_of_density(density).round() as i16
-}
-
-fn apron_index([x, y, z]: [usize; 3]) -> usize {
-    (z * APRON + y) * APRON + x
-}
-
-/// The body's values in a chunk and its apron, made brick by brick as they are needed. NaN: not in the
-/// lattice, or not made yet.
-struct Apron<'a, B> {
-    grid: &'a Grid,
-    body: &'a B,
-    coord: [u16; 3],
-    values: Vec<f32>,
-}
-
-impl<'a, B: Body> Apron<'a, B> {
-    fn new(grid: &'a Grid, body: &'a B, coord: [u16; 3]) -> Self {
-        Self {
-            grid,
-            body,
-            coord,
-            values: vec![f32::NAN; APRON * APRON * APRON],
-        }
-    }
-
-    /// Bone-frame position of a place in the apron's own coordinates (1 is the chunk's first voxel).
-    fn centre(&self, at: [usize; 3]) -> DVec3 {
-        let lo = self.coord.map(|c| usize::from(c) * CHUNK);
-        // signed: the lattice's first apron lies at -1
-        let index: [f64; 3] = std::array::from_fn(|a| (lo[a] + at[a]) as f64 - 1.0);
-        DVec3::from_array(index) * self.grid.spacing_mm
-    }
-
-    fn in_lattice(&self, at: [usize; 3]) -> bool {
-        (0..3).all(|a| {
-            let v = usize::from(self.coord[a]) * CHUNK + at[a];
-            (1..=self.grid.dims[a]).contains(&v)
-        })
-    }
-
-    /// Makes the values of a brick and its apron; whether one of them is inside the band.
-    fn fill(&mut self, brick: [usize; 3]) -> bool {
-        let h = self.grid.spacing_mm;
-        let band = self.grid.band_mm();
-        let middle = self.centre(brick.map(|n| n + 1)) + h * (0.5 * (BRICK - 1) as f64);
-        let value = self.body.value(middle);
-        let reach = self.body.lipschitz() * 0.5 * (BRICK + 1) as f64 * h.length();
-        if value < -reach - self.body.lipschitz() * band {
-            return false;
-        }
-        // deep inside: the distance is saturated and the tissue does not depend on it
-        let deep = value > reach + (self.body.lipschitz() * band).max(self.body.layers_mm());
-        let mut near = false;
-        for z in brick[2]..brick[2] + BRICK + 2 {
-            for y in brick[1]..brick[1] + BRICK + 2 {
-                for x in brick[0]..brick[0] + BRICK + 2 {
-                    let at = [x, y, z];
-                    if !self.in_lattice(at) {
-                        continue;
-                    }
-                    let i = apron_index(at);
-                    if self.values[i].is_nan() {
-                        let v = if deep {
-                            value - reach
-                        } else {
-                            self.body.value(self.centre(at))
-                        };
-                        self.values[i] = v as f32;
-                    }
-                    near |= self.values[i] > -band as f32;
-                }
-            }
-        }
-        near
-    }
 }
 
 #[cfg(test)]

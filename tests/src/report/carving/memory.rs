@@ -9,6 +9,7 @@ use crate::report::table::{Table, short};
 use crate::scenes::bones;
 use anyhow::Result;
 use osteon_sim_core::grid::CHUNK_VOXELS;
+use std::collections::BTreeSet;
 
 /// Runs the part.
 pub(super) fn run(out: &mut Output) -> Result<()> {
@@ -19,7 +20,8 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
         out.note_bone("scapula", &built);
     }
     let mut facts = out.bones.clone();
-    facts.dedup_by(|a, b| a.dims == b.dims);
+    let mut seen = BTreeSet::new();
+    facts.retain(|bone| seen.insert(bone.dims));
     let mut columns = vec![
         "bone",
         "voxel mm",
@@ -29,7 +31,12 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
         "solid voxels M",
     ];
     columns.extend(FIELDS.iter().map(|f| f.0));
-    columns.extend(["all MB", "one dense i16 MB", "bytes per solid voxel"]);
+    columns.extend([
+        "all MB",
+        "one dense i16 MB",
+        "bytes per solid voxel",
+        "built in s",
+    ]);
     let mut table = Table::new(
         "memory",
         "Memory by field, MB",
@@ -86,5 +93,6 @@ fn cells(bone: &BoneFacts) -> Vec<String> {
     cells.push(short(Some(voxels * all as f64 * 1e-6)));
     cells.push(short(Some(lattice as f64 * 2e-6)));
     cells.push(short(Some(voxels * all as f64 / bone.solid_voxels as f64)));
+    cells.push(short(Some(bone.seconds)));
     cells
 }

@@ -22,6 +22,9 @@ use std::time::Instant;
 /// Rates, Hz.
 const RATES: [f64; 6] = [50.0, 100.0, 200.0, 333.0, 500.0, 1000.0];
 
+/// Part of the reamer's surface that is taken as its face, from the apex on: up to a radius of 16 mm.
+const FACE: f64 = 0.48;
+
 /// What one rate costs and how far it lags.
 struct Lag {
     worst_us: f64,
@@ -42,7 +45,7 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
         "rate",
         "Carving at 50 to 1000 Hz",
         "The reamer pressed into the glenoid at 1, 2 and 5 mm/s; *lag*: at every millisecond of feed, the deepest point of \
-         the tool's face in bone that still stands (stored distances end at the band). The thesis carves at 333 Hz. Force comes from the tool's elements \
+         the tool's face (its rim left out) in bone that still stands (stored distances end at the band). The thesis carves at 333 Hz. Force comes from the tool's elements \
          and the material field, not from what was removed, so lag shows as bone that is drawn or felt late, not as force.",
         &[
             "rate Hz",
@@ -128,14 +131,14 @@ fn lag(out: &Output, built: &BuiltBone, kit: &Kit, rate: f64) -> Lag {
     }
 }
 
-/// Points of the tool's surface, in its frame.
+/// Points of the tool's face, in its frame; its rim, where the field itself is rounded, is left out.
 fn face(tool: &Tool) -> Vec<DVec3> {
     (0..200)
         .filter_map(|n| {
             let n = f64::from(n);
             on_outline(
                 tool.shape,
-                (n + 0.5) / 200.0,
+                FACE * (n + 0.5) / 200.0,
                 (n * 0.618_033_988_75).fract(),
             )
         })

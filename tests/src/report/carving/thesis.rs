@@ -3,13 +3,15 @@
 //! Its figures are printed as it gives them (Intel i5 8600, GTX 1070, OpenCL): another machine, so only
 //! the form can be compared; the same methods run on this machine where the line-up holds them.
 
+mod chunk_plot;
 mod published;
 mod statics;
 
-use super::lineup::Kit;
+use super::lineup::{self, Kit};
+use super::rows::Row;
 use super::{Output, tools};
 use crate::report::plot::{Plot, Point};
-use crate::report::table::{Table, short};
+use crate::report::table::{Table, percent, short};
 use crate::scenes::bones::{self, BuiltBone};
 use anyhow::Result;
 use osteon_sim_core::cut::Cut;
@@ -153,7 +155,8 @@ fn chunk_sizes(
 ) -> Result<()> {
     let kit = Kit::new(tool());
     let pose = statics::pose_of_18_chunks(built, &kit.tool);
-    let scene = format!("static-{}-{}", kit.tool.id, built.bone.grid().spacing_mm.x);
+    let h = built.bone.grid().spacing_mm.x;
+    let scene = format!("static-{}-{h}", kit.tool.id);
     let rows = statics::measure_static(out, built, &kit, (&scene, pose));
     let mut table = Table::new(
         &format!("table-{number}"),
@@ -173,43 +176,40 @@ fn chunk_sizes(
             "here",
         ],
     );
-    for (n, edge) in [16, 32, 64].into_iter().enumerate() {
-        let hit = statics::chunks_hit(&built.bone, &kit.tool, &pose, edge);
+    let hit = |edge| statics::chunks_hit(&built.bone, &kit.tool, &pose, edge);
+    for (edge, theirs) in [16, 32, 64].into_iter().zip(theirs) {
         let name = format!("thesis-{edge}");
-        let us = rows
-            .iter()
-            .find(|r| r.method == name)
-            .and_then(|r| r.p50_us);
-        let [chunks, each, all] = theirs[n];
-        table.push([
-            name,
-            edge.to_string(),
-            short(Some(chunks)),
-            hit.to_string(),
-            short(Some(each)),
-            short(us.map(|v| 1e-3 * v / hit as f64)),
-            short(Some(all)),
-            short(us.map(|v| 1e-3 * v)),
-        ]);
+        let row = rows.iter().find(|r| r.method == name);
+        let us = row.and_then(|r| r.p50_us);
+        table.push(chunk_cells((&name, edge), theirs.map(Some), hit(edge), us));
     }
-    let hit = statics::chunks_hit(&built.bone, &kit.tool, &pose, 32);
     for row in rows.iter().filter(|r| !r.method.starts_with("thesis")) {
-        let mut cells = vec![
-            row.method.clone(),
-            "32".to_owned(),
-            short(None),
-            hit.to_string(),
-        ];
-        cells.extend([
-            short(None),
-            short(row.p50_us.map(|v| 1e-3 * v / hit as f64)),
-            short(None),
-            short(row.p50_us.map(|v| 1e-3 * v)),
-        ]);
-        table.push(cells);
+        let name = (row.method.as_str(), 32);
+        table.push(chunk_cells(name, [None; 3], hit(32), row.p50_us));
     }
+    let plot = chunk_plot::over_edge(&kit, &rows, theirs);
     out.rows.extend(rows);
-    out.table(&table)
+    out.table(&table)?;
+    out.plot(&plot)
+}
+
+fn chunk_cells(
+    (method, edge): (&str, usize),
+    [chunks, each, all]: [Option<f64>; 3],
+    hit: usize,
+    us: Option<f64>,
+) -> [String; 8] {
+    let event_ms = us.map(|v| 1e-3 * v);
+    [
+        method.to_owned(),
+        edge.to_string(),
+        short(chunks),
+        hit.to_string(),
+        short(each),
+        short(event_ms.map(|v| v / hit as f64)),
+        short(all),
+        short(event_ms),
+    ]
 }
 
 /// Table 3.5: the thesis's kernel over the tool's resolution, with the error that it did not test.
@@ -229,24 +229,42 @@ fn tool_cells(out: &mut Output, built: &BuiltBone) -> Result<()> {
         ],
     );
     let theirs = [Some(0.982), Some(0.975), Some(0.967), None];
+    let kit = Kit::new(tools::thesis_reamer());
+    let pose = statics::pose_of_18_chunks(built, &kit.tool);
+    let exact = statics::measure_with(
+        out,
+        built,
+        &kit,
+        ("static-exact", pose),
+        lineup::ours(&built.bone, &kit),
+    );
+    for row in exact {
+        table.push(cell_cells("exact", None, &row));
+        out.rows.push(row);
+    }
     for (cell, theirs) in [1.0, 0.75, 0.5, 0.25].into_iter().zip(theirs) {
         let kit = Kit::with_cells(tools::thesis_reamer(), cell);
         let pose = statics::pose_of_18_chunks(built, &kit.tool);
         let scene = format!("static-cell-{cell}");
-        for row in statics::measure_static(out, built, &kit, (&scene, pose)) {
-            table.push([
-                row.method.clone(),
-                cell.to_string(),
-                short(theirs.filter(|_| row.method == "thesis-32")),
-                short(row.p50_us.map(|v| 1e-3 * v)),
-                short(row.surface_rms_um),
-                crate::report::table::percent(row.missed_frac),
-                crate::report::table::percent(row.excess_frac),
-            ]);
+        let carvers = lineup::sampled(&built.bone, &kit);
+        for row in statics::measure_with(out, built, &kit, (&scene, pose), carvers) {
+            table.push(cell_cells(&cell.to_string(), theirs, &row));
             out.rows.push(row);
         }
     }
     out.table(&table)
+}
+
+fn cell_cells(cell: &str, theirs: Option<f64>, row: &Row) -> [String; 7] {
+    [
+        row.method.clone(),
+        cell.to_owned(),
+        short(theirs.filter(|_| row.method == "thesis-32")),
+        short(row.p50_us.map(|v| 1e-3 * v)),
+        short(row.surface_rms_um),
+        percent(row.missed_frac),
+        percent(row.excess_frac),
+    ]
 }
 
 /// Figures 3.10 to 3.12: time over the number of chunks that an event goes through.

@@ -6,7 +6,7 @@
 )]
 
 use crate::report::carving::Output;
-use crate::report::carving::lineup::{self, Kit};
+use crate::report::carving::lineup::{self, Carvers, Kit};
 use crate::report::carving::rows::{Case, Effort, Row, measure};
 use crate::scenes::bones::BuiltBone;
 use crate::scenes::press::Trajectory;
@@ -76,7 +76,18 @@ pub(super) fn measure_static(
     out: &Output,
     built: &BuiltBone,
     kit: &Kit,
+    at: (&str, Pose),
+) -> Vec<Row> {
+    measure_with(out, built, kit, at, lineup::carvers(&built.bone, kit))
+}
+
+/// Some methods at one pose.
+pub(super) fn measure_with(
+    out: &Output,
+    built: &BuiltBone,
+    kit: &Kit,
     (scene, pose): (&str, Pose),
+    carvers: Carvers<'_>,
 ) -> Vec<Row> {
     let way = Trajectory {
         name: "static",
@@ -94,5 +105,5 @@ pub(super) fn measure_static(
         points: 600.min(out.effort.points),
         ..out.effort
     };
-    measure(&case, &effort, lineup::carvers(&built.bone, kit))
+    measure(&case, &effort, carvers)
 }
