@@ -49,6 +49,16 @@ impl Trajectory {
         }
     }
 
+    /// At most the first `events` events.
+    #[must_use]
+    pub fn first(&self, events: usize) -> Self {
+        let kept = events.clamp(1, self.events().max(1));
+        Self {
+            name: self.name,
+            poses: self.poses[..=kept].to_vec(),
+        }
+    }
+
     fn of(name: &'static str, events: u32, pose: impl Fn(u32) -> Pose) -> Self {
         Self {
             name,
@@ -200,5 +210,6 @@ mod tests {
         assert_eq!(thin.events(), 30);
         assert_eq!(thin.poses[0], whole.poses[0]);
         assert_eq!(thin.poses.last(), whole.poses.last());
+        assert_eq!(peg_press().first(30).poses, whole.poses[..31]);
     }
 }

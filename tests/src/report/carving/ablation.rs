@@ -19,7 +19,7 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
         ("press", press::straight(4.0, DVec2::new(0.11, 0.07), 300)),
         (
             "sweep 200 mm/s",
-            press::sweep().thinned(2400.min(out.effort.events)),
+            press::sweep().first(out.effort.events.min(900)),
         ),
     ];
     let mut table = Table::new(

@@ -71,6 +71,10 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
         if voxel_mm > 0.2 {
             scenes.extend(others());
         }
+        if out.effort.quick {
+            // what only takes long
+            scenes.retain(|scene| scene.rivals);
+        }
         for scene in &scenes {
             out.stage(&format!("{}-{voxel_mm}", scene.name));
             let rows = scene_rows(out, &built, scene);
