@@ -207,6 +207,9 @@ impl Plot {
         let wide = SIZE.0 as i32 - 190;
         let (area, legend) = root.split_horizontally(wide);
         let levels: Vec<f64> = self.levels.iter().map(|l| l.0).collect();
+        let points = self.series.iter().flat_map(|s| &s.points);
+        let bands = points.filter_map(|p| p.band).flatten();
+        let levels: Vec<f64> = levels.into_iter().chain(bands).collect();
         let (x, y) = (self.range(|p| p.x, &[]), self.range(|p| p.y, &levels));
         let mut chart = ChartBuilder::on(&area)
             .margin(10)
@@ -228,7 +231,7 @@ impl Plot {
             .map_err(broken)?;
         self.guides(&mut chart, &x, &y)?;
         for (n, series) in self.series.iter().enumerate() {
-            curve(&mut chart, series, COLOURS[n % COLOURS.len()], y.end)?;
+            curve(&mut chart, series, n, y.end)?;
         }
         self.legend(&legend)?;
         root.present().map_err(broken)
@@ -279,7 +282,8 @@ impl Plot {
                 colour.stroke_width(2),
             ))
             .map_err(broken)?;
-            area.draw(&Circle::new((11, y), 3, colour.filled()))
+            let (size, form) = mark(n);
+            area.draw(&Circle::new((11, y), size, form))
                 .map_err(broken)?;
             area.draw(&Text::new(series.name.clone(), (30, y - 6), style.clone()))
                 .map_err(broken)?;
@@ -288,8 +292,20 @@ impl Plot {
     }
 }
 
+/// The mark of series `n`: a dot or one of two rings, so that equal points of several series all show.
+fn mark(n: usize) -> (i32, ShapeStyle) {
+    let colour = COLOURS[n % COLOURS.len()];
+    match n % 3 {
+        0 => (3, colour.filled()),
+        1 => (5, colour.stroke_width(2)),
+        _ => (8, colour.stroke_width(2)),
+    }
+}
+
 /// Line, points, spread and failures of one series.
-fn curve(chart: &mut Chart<'_, '_>, series: &Series, colour: RGBColor, top: f64) -> Result<()> {
+fn curve(chart: &mut Chart<'_, '_>, series: &Series, n: usize, top: f64) -> Result<()> {
+    let colour = COLOURS[n % COLOURS.len()];
+    let (size, style) = mark(n);
     let good = || {
         let points = series.points.iter();
         points.filter(|p| drawable(p.x) && drawable(p.y))
@@ -301,7 +317,7 @@ fn curve(chart: &mut Chart<'_, '_>, series: &Series, colour: RGBColor, top: f64)
         ))
         .map_err(broken)?;
     chart
-        .draw_series(good().map(|p| Circle::new((p.x, p.y), 3, colour.filled())))
+        .draw_series(good().map(|p| Circle::new((p.x, p.y), size, style)))
         .map_err(broken)?;
     let bands = good().filter_map(|p| {
         let [low, high] = p.band.filter(|b| b.iter().all(|v| drawable(*v)))?;

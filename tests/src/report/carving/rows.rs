@@ -97,8 +97,8 @@ impl Effort {
     /// A measurement.
     pub const FULL: Self = Self {
         replays: intrinsic::REPLAYS,
-        ours_s: 6.0,
-        theirs_s: 1.5,
+        ours_s: 4.0,
+        theirs_s: 0.8,
         points: 2000,
         events: usize::MAX,
         offsets: 3,

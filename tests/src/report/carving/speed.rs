@@ -69,10 +69,14 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
         out.note_bone("scapula", &built);
         let mut scenes = presses();
         if voxel_mm > 0.2 {
-            scenes.extend(others());
+            // rivals are made anew for each scene: beside the presses at the thesis's voxel size only
+            scenes.extend(others().into_iter().map(|scene| Scene {
+                rivals: scene.rivals && voxel_mm > 0.4,
+                ..scene
+            }));
         }
         if out.effort.quick {
-            // what only takes long
+            // the strokes and the plunge only take long
             scenes.retain(|scene| scene.rivals);
         }
         for scene in &scenes {

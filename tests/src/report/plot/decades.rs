@@ -54,9 +54,37 @@ impl ValueFormatter<f64> for Decades {
 
 /// A tick's label: plain where it is short.
 fn tick(v: f64) -> String {
-    if (1e-3..1e5).contains(&v) {
-        format!("{}", (v * 1e6).round() * 1e-6)
+    if !(1e-3..1e5).contains(&v) {
+        return format!("{v:.0e}");
+    }
+    // two digits, whatever rounding left behind them
+    let digits = (1.0 - v.log10().floor()).max(0.0);
+    #[expect(clippy::cast_sign_loss, reason = "not below 0")]
+    let digits = digits as usize;
+    let text = format!("{v:.digits$}");
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
     } else {
-        format!("{v:e}")
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::tick;
+
+    #[test]
+    fn ticks_are_short() {
+        let ticks = [
+            2.0 * 0.1,
+            0.099_999_999_999,
+            0.005,
+            1.5,
+            20.0,
+            50_000.0,
+            2e-5,
+        ];
+        let texts = ticks.map(tick);
+        assert_eq!(texts, ["0.2", "0.1", "0.005", "1.5", "20", "50000", "2e-5"]);
     }
 }
