@@ -2,6 +2,7 @@
 
 use clap::{Parser, Subcommand};
 use osteon_firmware_bridge::{doctor, fake, haptics, launcher};
+use osteon_tests::report;
 use std::process::ExitCode;
 
 /// Haptic bone-reaming simulator for clinical labs, and the test bench that proves it.
@@ -30,6 +31,9 @@ enum Task {
     FakeOmni(fake::FakeArgs),
     /// Say what this machine can do: real-time rights, ports, display, graphics
     Doctor(doctor::DoctorArgs),
+    /// Measure, and write a document with its tables and plots
+    #[command(subcommand)]
+    Report(report::Report),
 }
 
 #[expect(
@@ -48,6 +52,7 @@ fn main() -> ExitCode {
         Task::View(args) => osteon_viewer::run(args),
         Task::FakeOmni(args) => fake::run(&args),
         Task::Doctor(args) => doctor::run(&args, screen),
+        Task::Report(report) => report::run(&report),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

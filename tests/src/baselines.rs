@@ -10,7 +10,7 @@ mod errors;
 mod octree;
 mod place;
 mod reza;
-mod simd;
+pub mod simd;
 mod thesis;
 mod voxel_tool;
 mod yau;
@@ -34,7 +34,7 @@ use osteon_sim_core::bone::Bone;
 use osteon_sim_core::pose::Pose;
 
 /// A method that removes whole voxels of a bone where a tool is.
-pub trait Baseline {
+pub trait Baseline: Sync {
     /// Short name for tables.
     fn name(&self) -> &'static str;
 

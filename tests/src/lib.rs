@@ -7,6 +7,8 @@
 )]
 
 pub mod baselines;
+pub mod measure;
+pub mod report;
 pub mod scenes;
 pub mod stroke;
 pub mod truth;

@@ -1,0 +1,25 @@
+//! `osteon report NAME --out DIR`: measurements as JSON, CSV, plots and a document.
+
+pub mod carver;
+pub mod carving;
+mod machine;
+pub mod plot;
+pub mod table;
+
+pub use machine::Machine;
+
+use anyhow::Result;
+
+/// Reports.
+#[derive(Debug, Clone, clap::Subcommand)]
+pub enum Report {
+    /// Time, error and memory of removing bone, beside the thesis's method and its rivals
+    Carving(carving::CarvingArgs),
+}
+
+/// Makes a report.
+pub fn run(report: &Report) -> Result<()> {
+    match report {
+        Report::Carving(args) => carving::run(args),
+    }
+}
