@@ -236,6 +236,23 @@ mod tests {
         assert_eq!(slow.mean_over(&of(&[2], &[5])), None);
     }
 
+    #[test]
+    fn a_coarser_stride_is_part_of_a_finer_one() {
+        let mut counters = [0, 1].map(|_| Counter {
+            resets: 0,
+            seen: Vec::new(),
+        });
+        let [a, b] = &mut counters;
+        let mut subjects = [(a, 8), (b, 2)].map(|(replay, stride)| Subject {
+            replay,
+            events: 101,
+            stride,
+        });
+        let timings = interleaved(&mut subjects, 1);
+        let fine = &timings[1].events;
+        assert!(timings[0].events.iter().all(|n| fine.contains(n)));
+    }
+
     struct Counter {
         resets: usize,
         seen: Vec<usize>,

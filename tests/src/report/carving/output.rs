@@ -204,7 +204,7 @@ const METHOD: &str = "\
 one pinned core, all methods in turns (round robin), and the least time of each event is kept; quantiles are over events. *p50*, *p99* \
 and *max* are over **contact events** (those that changed something), *mean* over all events; the raw quantiles, noise included, are in \
 carving.json. The account of removed volume is in every time of ours. Slow methods run every n-th event only (the others are not \
-carved): the column *events* says how many; ratios are of the means over the events that both methods ran.
+carved, which leaves scallops in the error of fast ways): the column *events* says how many; ratios are of the means over the events that both methods ran.
 * **Error of the same run that was timed**: signed distance along exact normals between the exact swept tool and the surface \
 where the method's own field changes sign, at points at least 1.5 voxels inside the bone. *Surface* figures are away from creases; within 1.5 voxels of a \
 corner of the tool or of an edge between two cuts errors are shown apart. Volume: against an integration of the exact distance. \
@@ -220,7 +220,11 @@ pub(super) fn row_cells(row: &Row) -> Vec<String> {
         row.scene.clone(),
         row.method.clone(),
         row.isa.clone(),
-        row.events.to_string(),
+        if row.events < row.events_total {
+            format!("{} of {}", row.events, row.events_total)
+        } else {
+            row.events.to_string()
+        },
         row.contact_events.to_string(),
         short(row.p50_us),
         short(row.p99_us),

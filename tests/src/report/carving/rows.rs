@@ -30,7 +30,10 @@ pub struct Row {
     pub isa: String,
     /// Events that were run, each at least three times.
     pub events: usize,
-    /// Of these, events that changed something.
+    /// Events of the whole scene; where it is more than `events`, the others were not carved, and the
+    /// error holds the scallops that they leave.
+    pub events_total: usize,
+    /// Events that changed something.
     pub contact_events: usize,
     /// Median intrinsic time of a contact event.
     pub p50_us: Option<f64>,
@@ -178,6 +181,7 @@ fn row(case: &Case<'_>, carver: &dyn Carver, timing: &Timing) -> Row {
         method: carver.name().to_owned(),
         isa: carver.isa().to_owned(),
         events: all.count,
+        events_total: case.way.events(),
         contact_events: contact.count,
         p50_us: some(contact.p50_us),
         p99_us: some(contact.p99_us),
@@ -227,7 +231,9 @@ fn time(case: &Case<'_>, effort: &Effort, carvers: &mut Carvers<'_>) -> Vec<Timi
             };
             let mut along = Along::new(carver.as_mut(), poses);
             let each = probe(&mut along, events);
-            ((each * (events * effort.replays) as f64 / share).ceil() as usize).max(1)
+            // powers of two: a coarser choice of events is part of every finer one, so that ratios over
+            // common events are over all that the slower method ran
+            ((each * (events * effort.replays) as f64 / share).ceil() as usize).next_power_of_two()
         })
         .collect();
     let mut ways: Vec<Along<'_, '_>> = carvers

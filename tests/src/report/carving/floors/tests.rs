@@ -7,6 +7,7 @@ fn row(scene: &str, method: &str, p50_us: f64) -> Row {
         method: method.to_owned(),
         isa: "portable".to_owned(),
         events: 1,
+        events_total: 1,
         contact_events: 1,
         p50_us: Some(p50_us),
         p99_us: None,
