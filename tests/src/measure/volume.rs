@@ -12,8 +12,8 @@
 use super::surface::solid_mm;
 use super::swept::Swept;
 use glam::DVec3;
-use osteon_sim_core::bone::{Bone, Occupancy};
-use osteon_sim_core::grid::{BRICK, BRICK_VOXELS, CHUNK, voxel_in_chunk};
+use osteon_sim_core::bone::Bone;
+use osteon_sim_core::grid::{BRICK, BRICK_VOXELS, CHUNK, Grid, voxel_in_chunk};
 use rayon::prelude::*;
 
 /// Edge of the boxes that are begun with, voxels.
@@ -68,12 +68,10 @@ pub fn accounts(swept: &Swept, bone: &Bone, methods: &[Removed<'_>]) -> Vec<Acco
             boxes.extend((lo[0]..hi[0]).step_by(BOX).map(|x| [x, y, z]));
         }
     }
-    let occupancy = Occupancy::new(grid);
     let job = Job {
         swept,
         bone,
         methods,
-        occupancy,
     };
     let zero = || vec![Account::default(); methods.len()];
     // one list in the boxes' order: the sums do not depend on the threads
@@ -106,7 +104,6 @@ struct Job<'a> {
     swept: &'a Swept,
     bone: &'a Bone,
     methods: &'a [Removed<'a>],
-    occupancy: Occupancy,
 }
 
 impl Job<'_> {
@@ -171,9 +168,7 @@ impl Job<'_> {
                     let Some(solid) = self.solid([i, j, k]) else {
                         continue;
                     };
-                    let mm3 = self
-                        .occupancy
-                        .mm3(self.bone.grid(), self.occupancy.units(solid));
+                    let mm3 = plain_mm3(self.bone.grid(), solid);
                     self.book([i, j, k], solid > 0, (mm3, true), sums);
                 }
             }
@@ -233,6 +228,14 @@ impl Job<'_> {
             }
         }
     }
+}
+
+/// What a plane at a voxel's stored distance leaves of it, mm³: the plain ramp over one voxel, so that
+/// the truth does not rest on the account that it judges.
+fn plain_mm3(grid: &Grid, solid: i16) -> f64 {
+    let d = f64::from(solid) * f64::from(grid.quantum_mm());
+    let share = 0.5 + d / grid.spacing_mm.max_element();
+    share.clamp(0.0, 1.0) * grid.voxel_mm3()
 }
 
 #[cfg(test)]
