@@ -24,9 +24,10 @@ pub(super) struct Pencil<'a, L: Lanes> {
     mixed: u16,
     // none for no account
     occupancy: Option<[i16; 3]>,
-    // lines with a changed value, and with a changed volume
+    // lines with a changed value, with a changed volume, and with every value at its lowest
     changed: u16,
     losing: u16,
+    lowest: u16,
     losses: &'a mut Losses<L>,
 }
 
@@ -54,6 +55,7 @@ impl<'a, L: Lanes> Pencil<'a, L> {
             occupancy,
             changed: 0,
             losing: 0,
+            lowest: 0,
             losses,
         }
     }
@@ -78,6 +80,7 @@ impl<'a, L: Lanes> Pencil<'a, L> {
         let new = l.min_i(new, old);
         l.store_i(new, values);
         self.changed |= u16::from(l.any_less(new, old)) << line;
+        self.lowest |= u16::from(!l.any_less(l.splat_i(-i16::MAX), new)) << line;
         if let Some(occupancy) = self.occupancy {
             let solid = l.load_i(&self.solid[line]);
             let before = units(l, occupancy, l.min_i(solid, old));
@@ -88,9 +91,9 @@ impl<'a, L: Lanes> Pencil<'a, L> {
         }
     }
 
-    /// Books what was removed; true where a value changed.
+    /// Books what was removed; whether a value changed, and the lines that are at their lowest.
     #[inline(always)]
-    pub(super) fn close(&mut self, ledger: &mut Ledger<L>) -> bool {
+    pub(super) fn close(&mut self, ledger: &mut Ledger<L>) -> (bool, u16) {
         let mut losing = self.losing;
         while losing != 0 {
             let line = losing.trailing_zeros() as usize % LINES_PER_BRICK;
@@ -116,7 +119,7 @@ impl<'a, L: Lanes> Pencil<'a, L> {
                 lanes &= !same;
             }
         }
-        self.changed != 0
+        (self.changed != 0, self.lowest)
     }
 }
 

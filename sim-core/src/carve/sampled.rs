@@ -79,23 +79,20 @@ impl<'a> Sampled<'a> {
         self.step[0] * x + self.step[1] * y + self.step[2] * z
     }
 
-    /// Sorts a box of voxels. The samples are means of a field that changes by at most 1 mm per mm
-    /// ([`SdfGrid::slack_mm`]); nearer than [`BAND_MM`] they are means over one cell.
+    /// Sorts a box of voxels. A sample lies within `near` of the distance itself, or both lie beyond
+    /// [`BAND_MM`]; however far away, within [`SdfGrid::slack_mm`].
     fn sort(&self, middle: Vec3, radius: f32) -> Box3 {
-        let d = self.samples.signed_distance(middle);
+        let value = self.samples.signed_distance(middle);
         let near = self.samples.near_slack_mm();
-        let own = if d.abs() < BAND_MM - near {
-            near
-        } else {
-            self.samples.slack_mm()
-        };
-        let reach = self.band_mm + radius + near + own + 1e-3;
-        if d >= reach {
-            Box3::Skip
-        } else if d <= -reach {
-            Box3::Fill
-        } else {
+        let size = value.abs();
+        let distance = (size.min(BAND_MM) - near).max(size - self.samples.slack_mm());
+        let reach = self.band_mm + radius + near + 1e-3;
+        if distance < reach {
             Box3::Look
+        } else if value > 0.0 {
+            Box3::Skip
+        } else {
+            Box3::Fill
         }
     }
 

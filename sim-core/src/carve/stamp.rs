@@ -52,11 +52,10 @@ impl Stamp<'_> {
 }
 
 impl Stamp<'_> {
-    /// Notes the lines of a brick that are at their lowest (`bony` are those that matter), and says
-    /// that it changed.
-    fn finish(&mut self, place: (usize, usize), (full, bony): (u16, u16), any: bool) {
-        if full != 0 {
-            self.cut.add_emptied(place, full, bony);
+    /// Notes the `lowest` lines of a brick (`bony` are those that matter), and says that it changed.
+    fn finish(&mut self, place: (usize, usize), bony: u16, (any, lowest): (bool, u16)) {
+        if lowest != 0 {
+            self.cut.add_emptied(place, lowest, bony);
         }
         if any {
             (self.changed)(place.0, place.1);
@@ -300,8 +299,8 @@ impl<L: Lanes> Kernel<L> {
                 near &= near - 1;
                 pencil.lower(line, sampled.line(self.l, first, line));
             }
-            let any = pencil.close(&mut scratch.ledger);
-            stamp.finish(place, (full, bony), any);
+            let end = pencil.close(&mut scratch.ledger);
+            stamp.finish(place, bony, end);
         }
     }
 
@@ -420,8 +419,8 @@ impl<L: Lanes> Kernel<L> {
                 }
             }
         }
-        let any = pencil.close(&mut scratch.ledger);
-        stamp.finish(place, (task.full, task.bony), any);
+        let end = pencil.close(&mut scratch.ledger);
+        stamp.finish(place, task.bony, end);
     }
 
     /// Lowers lines to the distances of `field`.
