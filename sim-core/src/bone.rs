@@ -338,8 +338,9 @@ fn near_bone(grid: &Grid, solid_mm: &[f32], lo: [usize; 3]) -> bool {
 /// How much of a voxel a stored distance stands for, in integer units, so that sums of removed volume
 /// are exact and free of order.
 ///
-/// With the ramp ω_w(d) = clamp(1/2 + d/w, 0, 1), w = the largest spacing, the fraction is
-/// a ω_w(d) − (a − 1) ω_2w(d). Sums of either ramp over a plane along the widest axis are exact; across
+/// With the ramps ω₁(d) = clamp(1/2 + d/w, 0, 1) and ω₂(d) = clamp(1/2 + d/2w, 0, 1), w = the largest
+/// spacing, the fraction is
+/// a ω₁ − (a − 1) ω₂. Sums of either ramp over a plane along the widest axis are exact; across
 /// a shorter axis, of spacing *h*, a ramp's plane is off by at most h²/8w, without bias (two kinks, each
 /// with the error of the midpoint rule). On a curved surface a ramp of width w counts as if the surface
 /// lay w²κ/24 too far out (κ = the sum of its curvatures: the first moment of the ramp), while the

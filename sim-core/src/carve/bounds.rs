@@ -1,7 +1,7 @@
 //! Bounds of the signed distance over 16 boxes at a time, and which faces can decide it there.
 //!
 //! About a box's middle c, with half edges b and a face's gradient **g** there, a convex distance is at
-//! least d(c) − Σ b_k |g_k|. It is at most d(c) + Σ b_k |g_k| + |b|²/2ρ, ρ = the distance to a ball's
+//! least d(c) − Σ bₖ |gₖ|. It is at most d(c) + Σ bₖ |gₖ| + |b|²/2ρ, ρ = the distance to a ball's
 //! centre or to the axis: |v + δ| ≤ |v| + v·δ/|v| + |δ|²/2|v|. A ring takes d(c) ± |b|.
 #![expect(clippy::inline_always, reason = "lanes must melt into the job")]
 
@@ -34,7 +34,7 @@ impl Extent {
         }
     }
 
-    /// Σ b_k |g_k|.
+    /// Σ bₖ |gₖ|.
     #[inline(always)]
     fn along<L: Lanes>(&self, l: L, g: [L::F; 3]) -> L::F {
         let zero = l.splat(0.0);
@@ -110,9 +110,9 @@ impl<F: Copy> Bounds<F> {
     #[inline(always)]
     pub(super) fn deciding<L: Lanes<F = F>>(&self, l: L, node: &Node) -> Deciding {
         let mut bits = [0; MAX_FLAT];
-        for n in 0..node.count.min(MAX_FLAT) {
+        for (n, bits) in bits.iter_mut().enumerate().take(node.count) {
             let part = self.part_low[usize::from(node.faces[n].part) % MAX_PARTS];
-            bits[n] = l.le(part, self.face_high[n]) & l.le(part, self.high);
+            *bits = l.le(part, self.face_high[n]) & l.le(part, self.high);
         }
         bits
     }
@@ -122,8 +122,8 @@ impl<F: Copy> Bounds<F> {
 #[inline(always)]
 pub(super) fn active(deciding: &Deciding, count: usize, lane: usize) -> u32 {
     let mut bits = 0;
-    for n in 0..count.min(MAX_FLAT) {
-        bits |= u32::from(deciding[n] >> lane & 1) << n;
+    for (n, deciding) in deciding.iter().enumerate().take(count) {
+        bits |= u32::from(deciding >> lane & 1) << n;
     }
     bits
 }
@@ -199,7 +199,7 @@ fn from_centre<L: Lanes>(l: L, twice: [f32; 3], p: &Points<L::F>) -> [L::F; 3] {
     ]
 }
 
-/// n_r (w − z a)/r + n_z a, one axis of a cone's gradient.
+/// nᵣ (w − z a)/r + n₂ a, one axis of a cone's gradient.
 #[inline(always)]
 fn slope<L: Lanes>(l: L, w: L::F, z: L::F, axis: f32, (share, b): (L::F, f32)) -> L::F {
     let radial = l.sub(w, l.mul(z, l.splat(axis)));

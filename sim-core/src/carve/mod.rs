@@ -99,7 +99,7 @@ impl Carving {
     /// of the tool moves more than √(8 R [`SCALLOP_MM`]), R = the smallest radius of its faces (ridges
     /// of s²/8R, physics of a ball-nosed cutter), nor more than half the smallest spacing. At most
     /// [`MAX_STAMPS`].
-    pub fn stamps(&self, bone: &Bone, tool: &Tool, step: &CarveStep) -> u32 {
+    pub fn stamps(self, bone: &Bone, tool: &Tool, step: &CarveStep) -> u32 {
         if !self.model.sweep {
             return 1;
         }
@@ -136,7 +136,7 @@ impl Carving {
     /// Work is bounded by [`MAX_STAMPS`] × the bricks in the tool's box. A pose that is not finite, or
     /// a tool index beyond [`MAX_TOOLS`], carves nothing.
     pub fn carve(
-        &self,
+        self,
         bone: &Bone,
         cut: &mut Cut,
         tool: &Tool,
@@ -154,7 +154,7 @@ impl Carving {
     /// of the cut). One unit is one line looked at; a chunk (1,024 lines) is always finished, so the
     /// budget is overdrawn by that at most. Any partition of a step gives the same cut.
     pub fn carve_some(
-        &self,
+        self,
         work: &mut Work<'_>,
         tool: &Tool,
         step: &CarveStep,
@@ -188,7 +188,7 @@ impl Carving {
     }
 
     fn stamp(
-        &self,
+        self,
         work: &mut Work<'_>,
         (tool, tool_index): (&Tool, u8),
         bone_from_tool: &Pose,

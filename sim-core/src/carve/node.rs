@@ -55,9 +55,9 @@ impl Square {
         }
     }
 
-    /// The same for points that begin at `o`: |w|² + ((2w_x o_x + 2w_y o_y) + (2w_z o_z + |o|²)).
+    /// The same for points that begin at `o`: |w|² + ((2w.x o.x + 2w.y o.y) + (2w.z o.z + |o|²)).
     #[inline(always)]
-    pub(super) fn moved(&self, o: [f32; 3]) -> Self {
+    pub(super) fn moved(self, o: [f32; 3]) -> Self {
         let t = self.twice;
         let o2 = (o[0] * o[0] + o[1] * o[1]) + o[2] * o[2];
         Self {
@@ -66,9 +66,9 @@ impl Square {
         }
     }
 
-    /// The part that does not depend on δ_z.
+    /// The part that does not depend on δ.z.
     #[inline(always)]
-    pub(super) fn flat<L: Lanes>(&self, l: L, p: &Points<L::F>) -> L::F {
+    pub(super) fn flat<L: Lanes>(self, l: L, p: &Points<L::F>) -> L::F {
         let x = l.add(l.splat(self.base), l.mul(l.splat(self.twice[0]), p.x));
         let y = l.add(x, l.mul(l.splat(self.twice[1]), p.y));
         l.add(y, p.xy2)
@@ -76,13 +76,13 @@ impl Square {
 
     /// The part that does, for points at different heights.
     #[inline(always)]
-    pub(super) fn rises<L: Lanes>(&self, l: L, p: &Points<L::F>) -> L::F {
+    pub(super) fn rises<L: Lanes>(self, l: L, p: &Points<L::F>) -> L::F {
         l.add(l.mul(l.splat(self.twice[2]), p.z), p.z2)
     }
 
     /// The same for points at one height.
     #[inline(always)]
-    pub(super) fn rise(&self, z: f32) -> f32 {
+    pub(super) fn rise(self, z: f32) -> f32 {
         self.twice[2] * z + z * z
     }
 }
@@ -92,9 +92,9 @@ impl Square {
 pub(super) struct NodeFace {
     pub kind: Kind,
     pub part: u8,
-    /// Plane: sign. Cone: n_r. Ring: radius of the disc.
+    /// Plane: sign. Cone: nᵣ. Ring: radius of the disc.
     pub a: f32,
-    /// Cone: n_z. Ring: z of the centre.
+    /// Cone: n₂. Ring: z of the centre.
     pub b: f32,
     /// Plane, cone: offset. Ball, ring: radius.
     pub c: f32,
@@ -210,7 +210,7 @@ impl Node {
         (l.sqrt(r2), z)
     }
 
-    /// The parts of z and of the square distance to the foot that do not depend on δ_z.
+    /// The parts of z and of the square distance to the foot that do not depend on δ.z.
     #[inline(always)]
     pub(super) fn flat<L: Lanes>(&self, l: L, p: &Points<L::F>) -> [L::F; 2] {
         let x = l.add(l.splat(self.z0), l.mul(l.splat(self.axis[0]), p.x));

@@ -33,10 +33,10 @@ pub(super) fn brick_layer<L: Lanes>(l: L, h: [f32; 3], layer: usize) -> Points<L
 #[inline(always)]
 pub(super) fn line_middles<L: Lanes>(l: L, h: [f32; 3]) -> Points<L::F> {
     let mut at = [[0.0; 16]; 3];
-    for line in 0..16 {
-        let o = line_origin(line);
-        for a in 0..3 {
-            at[a][line] = h[a] * (o[a] as f32 + [1.5, 1.5, 0.5][a]);
+    for (a, at) in at.iter_mut().enumerate() {
+        let middle = [1.5, 1.5, 0.5][a];
+        for (line, at) in at.iter_mut().enumerate() {
+            *at = h[a] * (line_origin(line)[a] as f32 + middle);
         }
     }
     Points::new(l, [l.load(&at[0]), l.load(&at[1]), l.load(&at[2])])

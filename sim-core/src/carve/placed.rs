@@ -6,11 +6,11 @@
 //! square of a point's distance to c is
 //!
 //! ```text
-//! q = (((|w|² + 2w_x δ_x) + 2w_y δ_y) + (δ_x² + δ_y²)) + (2w_z δ_z + δ_z²)
+//! q = (((|w|² + 2w.x δ.x) + 2w.y δ.y) + (δ.x² + δ.y²)) + (2w.z δ.z + δ.z²)
 //! ```
 //!
 //! in `f32`. c is a ball's centre for a ball, and the foot of the chunk's middle on the axis for
-//! everything else, so that nothing large cancels; there z = ((z₀ + a_x δ_x) + a_y δ_y) + a_z δ_z and
+//! everything else, so that nothing large cancels; there z = ((z₀ + a.x δ.x) + a.y δ.y) + a.z δ.z and
 //! r = √max(q − z², 0). At a chunk |w|², 2**w** and z₀ are rounded from `f64`; a brick's are the chunk's
 //! moved by its offset, in `f32` ([`Square::moved`]). A voxel's value is the smallest over the parts
 //! of the largest over their faces, rounded to the nearest integer (ties to even) and clamped to
@@ -42,9 +42,9 @@ const SLACK: (f64, f64) = (8.0, 1e-6);
 pub(super) struct FlatFace {
     kind: Kind,
     part: u8,
-    // plane: sign; cone: n_r; ring: radius of the disc
+    // plane: sign; cone: nᵣ; ring: radius of the disc
     a: f64,
-    // cone: n_z; ball, ring: z of the centre
+    // cone: n₂; ball, ring: z of the centre
     b: f64,
     // plane, cone: offset; ball, ring: radius
     c: f64,
@@ -120,7 +120,7 @@ impl Placed {
     }
 
     /// The apex-to-voxel vector of a voxel, units.
-    pub(super) fn from_apex(&self, voxel: [usize; 3]) -> DVec3 {
+    pub(super) fn apex_to(&self, voxel: [usize; 3]) -> DVec3 {
         DVec3::from_array(voxel.map(|v| v as f64)) * self.spacing - self.apex
     }
 

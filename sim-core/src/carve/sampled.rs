@@ -1,6 +1,6 @@
 //! A tool that is sampled on a grid ([`SdfGrid`]), placed in the lattice.
 //!
-//! A voxel's value is the grid's trilinear value at ((p + i s_x) + j s_y) + k s_z, p = the brick's first
+//! A voxel's value is the grid's trilinear value at ((p + i s.x) + j s.y) + k s.z, p = the brick's first
 //! voxel and **s** the steps from voxel to voxel in the tool frame (`f32`, p from `f64`), in units of the
 //! stored distance, rounded as for any tool. It has no curvature correction: a mesh does not say what
 //! its facets stand for.

@@ -230,7 +230,7 @@ impl<L: Lanes> Kernel<L> {
         if live == 0 {
             return;
         }
-        let middle = placed.from_apex([coord[0] * CHUNK, coord[1] * CHUNK, coord[2] * CHUNK])
+        let middle = placed.apex_to([coord[0] * CHUNK, coord[1] * CHUNK, coord[2] * CHUNK])
             + self.chunk_middle;
         if placed.distance(middle) - self.chunk_radius >= f64::from(self.band) {
             return;

@@ -24,14 +24,9 @@ const MAGIC: f32 = 12_582_912.0;
 
 #[inline(always)]
 fn round_one(value: f32) -> i16 {
-    #[expect(
-        clippy::manual_clamp,
-        reason = "min and max are one instruction each, and a NaN does no harm"
-    )]
-    let bounded = value.max(-32767.0).min(32767.0);
+    let bounded = value.clamp(-32767.0, 32767.0);
     #[expect(
         clippy::cast_possible_truncation,
-        clippy::cast_possible_wrap,
         reason = "the low 16 bits are the integer"
     )]
     let integer = (bounded + MAGIC).to_bits() as i16;
@@ -130,7 +125,7 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn any_less(self, a: Self::I, b: Self::I) -> bool {
-        (0..32).fold(false, |any, n| any | (a[n] < b[n]))
+        (0..32).fold(0, |any, n| any | u8::from(a[n] < b[n])) != 0
     }
     #[inline(always)]
     fn not_zero(self, a: Self::I) -> u32 {

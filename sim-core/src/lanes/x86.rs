@@ -285,11 +285,7 @@ impl Lanes for V3 {
             1u16, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768,
         ]);
         let half = |a: __m256i, mask: u32| {
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_possible_wrap,
-                reason = "sixteen bits"
-            )]
+            #[expect(clippy::cast_possible_truncation, reason = "sixteen bits")]
             let spread = self.avx._mm256_set1_epi16(mask as i16);
             let own = self.avx2._mm256_and_si256(spread, bits);
             let wanted = self.avx2._mm256_cmpeq_epi16(own, bits);

@@ -179,10 +179,10 @@ impl Form {
     pub fn grown_mm(self, mean_square_spacing: f64) -> f64 {
         let laplacian = match self {
             Self::Cone {
-                normal_z,
+                normal_z: 0.0,
                 offset_mm,
                 ..
-            } if normal_z == 0.0 => 1.0 / f64::from(offset_mm),
+            } => 1.0 / f64::from(offset_mm),
             Self::Plane { .. } | Self::Cone { .. } => return 0.0,
             Self::Ball { radius_mm, .. } => 2.0 / f64::from(radius_mm),
             Self::Ring {
