@@ -30,7 +30,9 @@ pub const MAX_ITERATIONS: u32 = 60;
 /// Accepted residual, N.
 const RESIDUAL_N: f64 = 1e-5;
 /// A cutting element takes hold below this gap and lets go above four times it, mm: wider than the
-/// stored distance's unit, so that quantisation cannot chatter.
+/// stored distance's unit, so that quantisation cannot chatter. Both grow by twice what the tool's
+/// faces are grown by when they are carved ([`crate::tool::Shape::grown_mm`]): right on a voxel the cut
+/// lies ahead of the surface by that, and more where three voxels' errors meet.
 const GRIP_MM: f64 = 1e-3;
 
 /// Constants of the coupling and of the cutting law (`sim-core` units: mm, N, s, g/cm³).
@@ -154,6 +156,7 @@ impl Contacts {
         self.terms.clear();
         self.deepest_mm = f64::NEG_INFINITY;
         let h = bone.grid().spacing_mm.min_element();
+        let ahead = 2.0 * state.tool.shape.grown_mm(bone.grid());
         let full = state.tool.rpm * core::f64::consts::TAU / 60.0;
         let turning = state.omega_rad_s > 0.1 * full;
         for (i, e) in state.tool.elements.iter().take(MAX_ELEMENTS).enumerate() {
@@ -168,7 +171,7 @@ impl Contacts {
             let area = f64::from(e.area_mm2);
             if turning && e.cutting {
                 let normal = state.bone_from_tool.vector(e.normal.as_dvec3());
-                let gap = self.gap(i, depth);
+                let gap = self.gap(i, depth, ahead);
                 let law = cutting_law(bone, p, normal, f64::from(e.radius_mm), state, config);
                 self.terms.push(Term {
                     normal,
@@ -192,14 +195,14 @@ impl Contacts {
         }
     }
 
-    // clearance of cutting element i, mm, with hysteresis
-    fn gap(&mut self, i: usize, depth: f64) -> f64 {
-        let limit = if self.gripping[i] {
+    // clearance of cutting element i, mm, with hysteresis; a cut may lie `ahead` of its tool
+    fn gap(&mut self, i: usize, depth: f64, ahead: f64) -> f64 {
+        let grip = if self.gripping[i] {
             4.0 * GRIP_MM
         } else {
             GRIP_MM
         };
-        self.gripping[i] = -depth < limit;
+        self.gripping[i] = -depth < grip + ahead;
         if self.gripping[i] { 0.0 } else { -depth }
     }
 

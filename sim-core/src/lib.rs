@@ -11,6 +11,7 @@
 mod aligned;
 pub mod bone;
 pub mod broad;
+mod carry;
 pub mod carve;
 pub mod chain;
 pub mod contact;

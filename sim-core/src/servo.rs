@@ -5,11 +5,13 @@
 //!
 //! [`Servo::tick`] allocates nothing and its loops are bounded: at most [`MAX_SUBSTEPS`] proxy steps
 //! of at most [`crate::tool::MAX_ELEMENTS`] elements and [`crate::contact::MAX_ITERATIONS`]
-//! iterations each, and as many carved steps.
+//! iterations each, and [`TICK_WORK`] units of carving: what is left of a step is carried over.
 
 use crate::bone::Bone;
 use crate::broad::Obb;
-use crate::carve::{CarveStep, carve};
+use crate::carry::Carry;
+pub use crate::carry::TICK_WORK;
+use crate::carve::CarveStep;
 use crate::chain::{GAP_RAMP_TICKS, GuardCounts, OutputChain, ZERO_TICKS};
 use crate::contact::{Contacts, ToolState, YIELD_EPS_MM, coupling_force};
 use crate::cut::{Cut, MAX_TOOLS};
@@ -59,6 +61,7 @@ struct Track {
 pub struct Servo {
     setup: ServoSetup,
     cut: Cut,
+    carry: Carry,
     contacts: Contacts,
     chain: OutputChain,
     track: Option<Track>,
@@ -86,6 +89,7 @@ impl Servo {
         }
         Some(Self {
             cut: Cut::new(&setup.bone),
+            carry: Carry::default(),
             contacts: Contacts::new(),
             chain: OutputChain::new(setup.force_limit_n),
             track: None,
@@ -117,6 +121,19 @@ impl Servo {
         &self.cut
     }
 
+    /// Whether a step is not carved to its end: the cut then lacks a part of what was listed in
+    /// [`TickOutput::carved`].
+    pub fn carving(&self) -> bool {
+        self.carry.is_pending()
+    }
+
+    /// Carves what is left of a step, whatever it costs: after the last tick, before the digest. Not
+    /// for the servo's loop.
+    pub fn finish_carving(&mut self) {
+        self.carry
+            .finish(&self.setup.bone, &mut self.cut, &self.setup.tools);
+    }
+
     /// What the output guards had to do so far.
     pub fn guards(&self) -> GuardCounts {
         self.chain.counts
@@ -129,9 +146,13 @@ impl Servo {
             self.request(*request);
         }
         let mut output = self.blank_output();
+        self.carry.grant(0);
         let accepted = sample.and_then(|s| self.accept(s).map(|v| (s, v)));
         let force_in_base = if let Some((sample, velocity)) = accepted {
             self.missing = 0;
+            self.carry.grant(TICK_WORK);
+            self.carry
+                .go_on(&self.setup.bone, &mut self.cut, &self.setup.tools);
             self.press_buttons(sample.buttons);
             self.spin();
             self.pass_gate(sample.docked);
@@ -160,13 +181,15 @@ impl Servo {
                 self.start_over();
             }
             Request::Reset => {
+                self.carry.forget();
                 self.cut.reset(self.cut.epoch().wrapping_add(1));
                 self.start_over();
             }
         }
     }
 
-    /// The proxy begins anew at the device, and the force from zero.
+    /// The proxy begins anew at the device, and the force from zero. A pending step stays: the
+    /// publisher has been told of it.
     fn start_over(&mut self) {
         self.contacts.release();
         self.chain.off(GAP_RAMP_TICKS);
@@ -346,7 +369,8 @@ impl Servo {
             .gather(bone, &self.cut, &state, &self.setup.contact);
     }
 
-    /// One proxy step of at most half a voxel; true where the proxy has arrived.
+    /// One proxy step of at most half a voxel; true where the proxy has arrived, or is held by bone
+    /// that there was no budget to carve.
     fn substep(&mut self, bone: &Bone, output: &mut TickOutput) -> bool {
         let longest = 0.5 * bone.grid().spacing_mm.min_element();
         let error = self.bone_from_device.translation - self.proxy.translation;
@@ -365,14 +389,17 @@ impl Servo {
             return true;
         }
         if self.contacts.advance_mm(delta) > 2.0 * YIELD_EPS_MM {
+            if self.carry.is_pending() {
+                return true;
+            }
             self.advance(bone, delta, output);
-        } else {
-            self.proxy.translation += self.contacts.without_creep(delta);
+            return arrived || self.carry.is_pending();
         }
+        self.proxy.translation += self.contacts.without_creep(delta);
         arrived
     }
 
-    /// The proxy goes through bone: carve what it sweeps.
+    /// The proxy goes through bone: carve what it sweeps, as far as the budget reaches.
     fn advance(&mut self, bone: &Bone, delta: DVec3, output: &mut TickOutput) {
         let mut after = self.proxy;
         after.translation += delta;
@@ -381,8 +408,8 @@ impl Servo {
             before: self.proxy,
             after,
         };
-        let tool = &self.setup.tools[usize::from(self.tool)];
-        carve(bone, &mut self.cut, tool, &step, &mut |_, _| {});
+        self.carry
+            .begin(bone, &mut self.cut, &self.setup.tools, step);
         self.proxy = after;
         output.carved[output.carved_len] = step;
         output.carved_len += 1;
@@ -427,6 +454,7 @@ impl Servo {
                 after: Pose::IDENTITY,
             }; MAX_SUBSTEPS],
             carved_len: 0,
+            work: 0,
             removed_by_class: self.cut.totals().by_class,
         }
     }
@@ -442,6 +470,7 @@ impl Servo {
         output.embedded = self.embedded;
         output.waiting = self.waiting;
         output.epoch = self.cut.epoch();
+        output.work = self.carry.spent();
         output.removed_by_class = self.cut.totals().by_class;
         output
     }

@@ -91,10 +91,13 @@ pub struct TickOutput {
     pub fresh: bool,
     /// Counts resets.
     pub epoch: u32,
-    /// Carved steps, in order; the first `carved_len` count.
+    /// Carved steps in the order in which they began; the first `carved_len` count. The last may be
+    /// finished in a later tick ([`crate::servo::Servo::carving`]).
     pub carved: [CarveStep; MAX_SUBSTEPS],
     /// Number of carved steps.
     pub carved_len: usize,
+    /// Units of work carved in this tick ([`crate::servo::TICK_WORK`]).
+    pub work: u32,
     /// Occupancy units removed since the reset, by tissue class, after this tick.
     pub removed_by_class: [i64; crate::tissue::TISSUES],
 }

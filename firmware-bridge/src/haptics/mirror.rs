@@ -44,7 +44,8 @@ impl Mirror {
                 }
             }
             Record::Tick(tick) => {
-                // after lost records the servo's count is the true one
+                // after lost records the servo's count of steps that began is the true one; a step
+                // that it still carves is whole here
                 if tick.epoch == self.cut.epoch() {
                     self.cut.set_revision(tick.revision);
                 }

@@ -77,7 +77,7 @@ pub(crate) struct TickRecord {
     pub flags: Flags,
     pub removed_by_class: [i64; TISSUES],
     pub epoch: u32,
-    /// Carved sub-steps since the reset.
+    /// Steps that began since the reset: what the mirror carves, the servo's pending one included.
     pub revision: u64,
     pub drive: Option<DriveState>,
     pub trips: u8,

@@ -8,6 +8,7 @@
 )]
 
 use super::record::{BrickCopy, COPY_VALUES, Record};
+use super::servo_loop::begun;
 use osteon_sim_core::bone::Bone;
 use osteon_sim_core::broad::{Obb, chunk_range};
 use osteon_sim_core::carve::CarveStep;
@@ -28,6 +29,8 @@ pub(crate) struct Resync {
     tools: Vec<Tool>,
     behind: bool,
     owed_reset: bool,
+    // steps carved to their end, from which on the owed bricks are whole
+    whole_from: u64,
     next_part: u8,
     cursor: usize,
     overflows: u64,
@@ -41,6 +44,7 @@ impl Resync {
             tools,
             behind: false,
             owed_reset: false,
+            whole_from: 0,
             next_part: 0,
             cursor: 0,
             overflows: 0,
@@ -71,6 +75,7 @@ impl Resync {
         self.owed.fill(0);
         self.behind = false;
         self.owed_reset = false;
+        self.whole_from = 0;
         self.next_part = 0;
         self.cursor = 0;
     }
@@ -104,11 +109,15 @@ impl Resync {
                 }
             }
         }
+        // a copy that is taken before the servo has carved the step to its end would miss the rest
+        self.whole_from = begun(servo);
         // a part of the brick under way may have changed since: begin that brick anew
         self.next_part = 0;
     }
 
-    /// Copies at most [`PARTS_PER_TICK`] parts of owed bricks into the ring.
+    /// Copies at most [`PARTS_PER_TICK`] parts of owed bricks into the ring; none while a step whose
+    /// record was lost is pending. (A pending step that was told is no matter: the mirror carves it. Else
+    /// a tool that cuts more than the budget all the time would never be caught up with.)
     pub(crate) fn copy_some(
         &mut self,
         servo: &Servo,
@@ -126,6 +135,9 @@ impl Resync {
                 return;
             }
             self.owed_reset = false;
+        }
+        if servo.cut().revision() < self.whole_from {
+            return;
         }
         for _ in 0..PARTS_PER_TICK {
             if records.slots() <= RESERVED || !self.copy_part(servo, output.tool, records) {

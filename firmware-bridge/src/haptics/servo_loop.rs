@@ -77,6 +77,8 @@ pub(crate) fn run(mut thread: ServoThread, stop: &AtomicBool) -> Finished {
         Err(payload) => Ending::Panicked(panic_message(payload.as_ref())),
     };
     motors_off(thread.link.as_mut(), beat.command_seq);
+    // the mirror has carved the pending step whole
+    thread.servo.finish_carving();
     Finished {
         servo: thread.servo,
         link: thread.link,
@@ -209,7 +211,7 @@ pub(super) fn one_beat(
         },
         removed_by_class: output.removed_by_class,
         epoch: output.epoch,
-        revision: thread.servo.cut().revision(),
+        revision: begun(&thread.servo),
         drive: beat.last_state.map(|s| s.drive),
         trips: beat.last_state.map_or(0, |s| s.trips),
         guard_events: thread.servo.guards().total(),
@@ -220,6 +222,11 @@ pub(super) fn one_beat(
     publish(thread, &output, epoch_before, tick, started);
     beat.tick += 1;
     sent
+}
+
+/// Steps that began since the reset, the pending one included.
+pub(super) fn begun(servo: &Servo) -> u64 {
+    servo.cut().revision() + u64::from(servo.carving())
 }
 
 /// At most [`MAX_REQUESTS`]; the rest waits for the next tick.

@@ -9,10 +9,14 @@ use crate::rt::now_ns;
 use crate::scene::{Scene, SceneArgs, load};
 use glam::{DQuat, DVec3};
 use osteon_protocol::device::{CommandFrame, DeviceHello, DriveState, StateFrame};
+use osteon_sim_core::bone::{Bone, DenseBone};
 use osteon_sim_core::contact::ContactConfig;
+use osteon_sim_core::grid::Grid;
 use osteon_sim_core::omni;
+use osteon_sim_core::pose::Pose;
 use osteon_sim_core::register::bone_from_base;
 use osteon_sim_core::servo::{DeviceScale, Request, Servo, ServoSetup};
+use osteon_sim_core::tissue::{Tissue, hu_of_density};
 use osteon_sim_core::tool::Tool;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::Arc;
@@ -32,14 +36,20 @@ const HELLO: DeviceHello = DeviceHello {
 /// A cable whose device goes up and down the planned axis.
 struct Scripted {
     seq: u16,
+    /// Height over the plan, mm, at a state's number.
+    height: fn(u16) -> f64,
 }
 
-impl Scripted {
-    /// Height over the plan, mm: from 15 down to 5 mm below it and up again, every 8 s.
-    fn height(&self) -> f64 {
-        let phase = f64::from(self.seq % 8000) / 1000.0;
-        15.0 - 5.0 * phase.min(8.0 - phase)
-    }
+/// From 15 down to 5 mm below the plan and up again, every 8 s.
+fn slowly(seq: u16) -> f64 {
+    let phase = f64::from(seq % 8000) / 1000.0;
+    15.0 - 5.0 * phase.min(8.0 - phase)
+}
+
+/// Above the bone until the spindle turns, then 15 mm down in 50 ms, and after 150 ms up again.
+fn in_a_hurry(seq: u16) -> f64 {
+    let ms = f64::from(seq % 1000);
+    7.0 - 0.3 * (ms - 500.0).min(800.0 - ms).clamp(0.0, 50.0)
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "counts of small angles")]
@@ -74,7 +84,7 @@ impl DeviceLink for Scripted {
     }
     fn poll(&mut self) -> Result<Option<StateFrame>, LinkError> {
         self.seq += 1;
-        Ok(Some(state(self.seq, self.height())))
+        Ok(Some(state(self.seq, (self.height)(self.seq))))
     }
     fn send(&mut self, _command: &CommandFrame) -> Result<(), LinkError> {
         Ok(())
@@ -86,6 +96,23 @@ impl DeviceLink for Scripted {
     fn describe(&self) -> String {
         "scripted".to_owned()
     }
+}
+
+/// Half a space of soft bone below z = 6.1 mm.
+#[expect(clippy::cast_possible_truncation, reason = "densities and millimetres")]
+fn fine_slab() -> Arc<Bone> {
+    let grid = Grid::new([287, 287, 54], DVec3::splat(0.15)).expect("a lattice");
+    let layer = 287 * 287;
+    let solid: Vec<f32> = (0..grid.len())
+        .map(|n| 6.1 - 0.15 * (n / layer) as f32)
+        .collect();
+    let dense = DenseBone {
+        density_hu: &vec![hu_of_density(0.1).round() as i16; grid.len()],
+        solid_mm: &solid,
+        class: &vec![Tissue::Cancellous as u8; grid.len()],
+        label: &vec![1; grid.len()],
+    };
+    Arc::new(Bone::from_dense(grid, Pose::IDENTITY, &dense).expect("a bone"))
 }
 
 /// Servo and publisher's mirror with a ring of `capacity` records between them.
@@ -104,12 +131,30 @@ impl Pair {
             ..SceneArgs::default()
         };
         let scene: Scene = load(&args, &mut |_, _| {}).expect("the phantom");
+        let bone_from_base = bone_from_base(&scene.bone_from_plan, scene.bone.lps_from_bone());
+        let poses = [bone_from_base, scene.bone_from_plan];
+        Self::with(capacity, (scene.bone, poses), slowly)
+    }
+
+    /// A reamer in soft bone of fine voxels: more work than a tick's budget.
+    fn over_budget(capacity: usize) -> Self {
+        let place = Pose::new(DQuat::IDENTITY, DVec3::new(21.0, 21.0, 6.1));
+        let mut pair = Self::with(capacity, (fine_slab(), [place, place]), in_a_hurry);
+        pair.requests.push(Request::SelectTool(1)).expect("room");
+        pair
+    }
+
+    fn with(
+        capacity: usize,
+        (bone, [bone_from_base, bone_from_plan]): (Arc<Bone>, [Pose; 2]),
+        height: fn(u16) -> f64,
+    ) -> Self {
         let tools = Tool::standard_set();
         let servo = Servo::new(ServoSetup {
-            bone: Arc::clone(&scene.bone),
+            bone: Arc::clone(&bone),
             tools: tools.clone(),
-            bone_from_base: bone_from_base(&scene.bone_from_plan, scene.bone.lps_from_bone()),
-            bone_from_plan: scene.bone_from_plan,
+            bone_from_base,
+            bone_from_plan,
             device: DeviceScale {
                 counts_per_rev: 15_000,
                 gimbal_counts_per_rev: 16_384,
@@ -126,16 +171,16 @@ impl Pair {
         Self {
             thread: ServoThread {
                 servo,
-                link: Box::new(Scripted { seq: 0 }),
+                link: Box::new(Scripted { seq: 0, height }),
                 records: record_in,
                 requests: request_out,
-                resync: Resync::new(&scene.bone, tools.clone()),
+                resync: Resync::new(&bone, tools.clone()),
                 panic_at_tick: None,
             },
             beat: Beat::new(),
             records,
             requests,
-            mirror: Mirror::new(scene.bone, tools),
+            mirror: Mirror::new(bone, tools),
         }
     }
 
@@ -158,6 +203,17 @@ impl Pair {
             };
             self.mirror.apply(&record, &mut |_, _| {});
         }
+    }
+
+    /// Runs until a step is pending at the end of a tick.
+    fn run_until_carving(&mut self) {
+        for _ in 0..2000 {
+            if self.thread.servo.carving() {
+                return;
+            }
+            self.run(1);
+        }
+        panic!("no step was carried over");
     }
 
     fn assert_equal(&self) {
@@ -243,5 +299,60 @@ fn a_servo_that_stops_in_debt_is_caught_up_with() {
     assert!(pair.thread.resync.is_behind());
     let truth = pair.thread.servo.cut().clone();
     pair.mirror.catch_up(&truth, 0, &mut |_, _| {});
+    pair.assert_equal();
+}
+
+#[test]
+fn a_servo_that_stops_with_a_pending_step_ends_with_the_same_bits() {
+    let mut pair = Pair::over_budget(4096);
+    pair.run_until_carving();
+    // a reset drops the step: the mirror has seen it, and the reset after it
+    pair.requests.push(Request::Reset).expect("room");
+    pair.run(1);
+    assert!(!pair.thread.servo.carving());
+    pair.drain(usize::MAX);
+    assert_eq!(pair.mirror.cut.epoch(), 1);
+    assert_eq!(pair.mirror.cut.revision(), 0);
+    pair.run_until_carving();
+    pair.drain(usize::MAX);
+    assert_eq!(pair.thread.resync.overflows(), 0);
+    let begun = pair.thread.servo.cut().revision() + 1;
+    assert_eq!(pair.mirror.cut.revision(), begun, "the mirror is ahead");
+    pair.thread.servo.finish_carving();
+    pair.assert_equal();
+}
+
+#[test]
+fn a_lost_step_that_is_pending_is_copied_when_it_is_whole() {
+    // the publisher sleeps through the first cut; the ring is full when the second begins
+    let mut pair = Pair::over_budget(1100);
+    pair.run(1500);
+    pair.run_until_carving();
+    assert!(pair.thread.resync.is_behind());
+    pair.drain(usize::MAX);
+    // no sample, so the lost step stays pending: there is room, and yet nothing is copied
+    let ServoThread {
+        servo,
+        records,
+        resync,
+        ..
+    } = &mut pair.thread;
+    let output = servo.tick(None, &[]);
+    assert!(servo.carving());
+    resync.copy_some(servo, &output, records);
+    assert!(pair.records.is_empty(), "half a step was copied");
+    // copies and carving go on side by side, over several cuts
+    let mut beside = 0;
+    for _ in 0..12_000 {
+        pair.run(1);
+        beside += u32::from(pair.thread.servo.carving());
+        pair.drain(usize::MAX);
+        if !pair.thread.resync.is_behind() {
+            break;
+        }
+    }
+    assert!(beside > 5, "{beside}");
+    assert!(!pair.thread.resync.is_behind(), "all was copied");
+    pair.thread.servo.finish_carving();
     pair.assert_equal();
 }

@@ -10,6 +10,7 @@ pub mod mesh;
 pub mod revolved;
 pub mod sdf_grid;
 
+use crate::grid::Grid;
 use glam::{DVec3, Vec3};
 use mesh::Mesh;
 use revolved::Revolved;
@@ -110,6 +111,20 @@ impl Shape {
             // a mesh may have edges anywhere: its cells are the smallest thing that it shows
             Self::Grid(grid) => grid.spacing_mm,
         }
+    }
+
+    /// Most that a cutting face is grown when it is carved into `grid`, mm
+    /// ([`revolved::Form::grown_mm`]); 0 for a sampled tool, which is not grown.
+    pub fn grown_mm(&self, grid: &Grid) -> f64 {
+        let Self::Revolved(solid) = self else {
+            return 0.0;
+        };
+        let square = grid.mean_square_spacing();
+        let faces = solid.parts.iter().flat_map(|part| &part.faces);
+        faces
+            .filter(|face| face.cutting)
+            .map(|face| face.form.grown_mm(square))
+            .fold(0.0, f64::max)
     }
 
     /// Outline as (r, z) points in mm from the apex upwards, at most [`OUTLINE_POINTS`]: what a

@@ -81,9 +81,13 @@ pub struct Rig {
 
 impl Rig {
     pub fn new(bone: Arc<Bone>, origin: DVec3) -> Self {
+        Self::with_tools(bone, origin, Tool::standard_set())
+    }
+
+    pub fn with_tools(bone: Arc<Bone>, origin: DVec3, tools: Vec<Tool>) -> Self {
         let setup = ServoSetup {
             bone,
-            tools: Tool::standard_set(),
+            tools,
             bone_from_base: Pose::new(DQuat::IDENTITY, origin),
             bone_from_plan: Pose::new(DQuat::IDENTITY, origin),
             device: FINE,
