@@ -335,31 +335,20 @@ fn near_bone(grid: &Grid, solid_mm: &[f32], lo: [usize; 3]) -> bool {
     })
 }
 
-/// How much of a voxel a stored distance stands for, in integer units, so that sums of removed volume
-/// are exact and free of order.
+/// How much of a voxel a distance value stands for, in integer units, so that sums of removed
+/// volume are exact and free of order, and never take from a voxel what was not removed.
 ///
-/// With the ramps ω₁(d) = clamp(1/2 + d/w, 0, 1) and ω₂(d) = clamp(1/2 + d/2w, 0, 1), w = the largest
-/// spacing, the fraction is
-/// a ω₁ − (a − 1) ω₂. Sums of either ramp over a plane along the widest axis are exact; across
-/// a shorter axis, of spacing *h*, a ramp's plane is off by at most h²/8w, without bias (two kinks, each
-/// with the error of the midpoint rule). On a curved surface a ramp of width w counts as if the surface
-/// lay w²κ/24 too far out (κ = the sum of its curvatures: the first moment of the ramp), while the
-/// surface that is *read* from the field, linearly between voxels, lies h²κ/12 inside the stored one
-/// (h² = the mean square spacing). a = (4 + 2h²/w²)/3 makes both agree: 2 for cubes. So the sums are the
-/// volume under the surface that contact and pictures see. The fraction swings to −1/8 … 9/8 beside the
-/// surface, and a step can take a little from a voxel's neighbour and give it back.
+/// A plane at signed distance *d* from the voxel's centre leaves the fraction
+/// `clamp(1/2 + d/w, 0, 1)`, `w` = the largest spacing. Sums over a plane along that axis are
+/// exact; across a shorter one, of spacing *h*, the plane's depth is off by at most h²/(8 w), without
+/// bias (two kinks of the ramp, each with the error of the midpoint rule). On a face of curvature κ (the
+/// sum of both) the ramp counts as if the face lay w²κ/24 too far out, its first moment, and the carved
+/// face is grown by h²κ/12 ([`crate::tool::revolved::Form::grown_mm`]): a ball of radius R counts
+/// 3h²/4R² too large.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Occupancy {
-    // w/2 in units of the stored distance, at least 1
-    half: i16,
-    // a/2 and (a − 1)/4 in units of 2⁻¹⁵
-    narrow: i16,
-    wide: i16,
-}
-
-/// a·b/2¹⁵, rounded to nearest, ties up: what vector units have as one instruction.
-pub(crate) fn mul_round(a: i16, b: i16) -> i16 {
-    ((i32::from(a) * i32::from(b) + (1 << 14)) >> 15) as i16
+    // half the window, units of the stored distance; at least 1
+    half_window: i16,
 }
 
 impl Occupancy {
@@ -367,37 +356,25 @@ impl Occupancy {
     pub fn new(grid: &Grid) -> Self {
         let widest = grid.spacing_mm.max_element();
         let half = 0.5 * widest / f64::from(grid.quantum_mm());
-        let share = grid.spacing_mm.length_squared() / (3.0 * widest * widest);
-        let a = (4.0 + 2.0 * share) / 3.0;
-        let fixed = |v: f64| (v * 32768.0).round().min(32767.0) as i16;
         Self {
-            // half a spacing is less than half the band, which is i16::MAX units
-            half: (half as i16).clamp(1, i16::MAX / 2),
-            narrow: fixed(0.5 * a),
-            wide: fixed(0.25 * (a - 1.0)),
+            // half a spacing is less than the band, which is i16::MAX units
+            half_window: (half as i16).max(1),
         }
     }
 
-    /// Half the narrow window and the two weights: what a vector unit needs.
-    pub(crate) fn parts(self) -> [i16; 3] {
-        [self.half, self.narrow, self.wide]
+    /// Half the window, units of the stored distance: what a vector unit needs.
+    pub(crate) fn half_window(self) -> i16 {
+        self.half_window
     }
 
     /// Units of a full voxel.
     pub fn full(self) -> i64 {
-        self.units(i16::MAX)
+        2 * i64::from(self.half_window)
     }
 
-    /// Units of a voxel whose stored distance is `d`: 0 for an empty one, [`Self::full`] for a full one.
+    /// Units in `0..=full()` of a voxel whose stored distance is `d`.
     pub fn units(self, d: i16) -> i64 {
-        i64::from(self.about_half(d)) - i64::from(self.about_half(-i16::MAX))
-    }
-
-    /// [`Self::units`] less half a voxel.
-    fn about_half(self, d: i16) -> i16 {
-        let narrow = mul_round(d.clamp(-self.half, self.half), self.narrow);
-        let wide = mul_round(d.clamp(-2 * self.half, 2 * self.half), self.wide);
-        narrow - wide
+        i64::from(d.clamp(-self.half_window, self.half_window)) + i64::from(self.half_window)
     }
 
     /// Volume of `units`, mm³.
@@ -417,9 +394,7 @@ mod tests {
         for h in [1.0, 0.78, 2.0 / 3.0, 0.55, 0.5, 0.31] {
             let grid = Grid::new([1, 1, 1], DVec3::new(h, h, 1.0)).expect("a grid");
             let occupancy = Occupancy::new(&grid);
-            let a = (4.0 + 2.0 * (2.0 * h * h + 1.0) / 3.0) / 3.0;
-            let ramps = a * h * h / 8.0 + (a - 1.0) * h * h / 16.0;
-            let bound = if h < 1.0 { ramps } else { 0.0 } + 1e-3 * h;
+            let bound = if h < 1.0 { h * h / 8.0 } else { 0.0 } + 1e-3 * h;
             let (mut worst, mut sum) = (0.0f64, 0.0);
             for step in 0..1000 {
                 // a plane between −h/2 and h/2, bone below it: its depth counted over 41 voxels

@@ -22,8 +22,8 @@ pub(super) struct Pencil<'a, L: Lanes> {
     // first voxel of the brick in its chunk's arrays
     base: usize,
     mixed: u16,
-    // none for no account
-    occupancy: Option<[i16; 3]>,
+    // half the occupancy's; none for no account
+    window: Option<i16>,
     // lines with a changed value, with a changed volume, and with every value at its lowest
     changed: u16,
     losing: u16,
@@ -38,7 +38,7 @@ impl<'a, L: Lanes> Pencil<'a, L> {
         l: L,
         (bone, cut): (&'a Bone, &'a mut Cut),
         (chunk, brick): (usize, usize),
-        occupancy: Option<[i16; 3]>,
+        window: Option<i16>,
         losses: &'a mut Losses<L>,
     ) -> Self {
         let data = bone.chunk(chunk);
@@ -52,7 +52,7 @@ impl<'a, L: Lanes> Pencil<'a, L> {
             data,
             base,
             mixed: bone.mixed_lines(chunk)[brick],
-            occupancy,
+            window,
             changed: 0,
             losing: 0,
             lowest: 0,
@@ -81,13 +81,15 @@ impl<'a, L: Lanes> Pencil<'a, L> {
         l.store_i(new, values);
         self.changed |= u16::from(l.any_less(new, old)) << line;
         self.lowest |= u16::from(!l.any_less(l.splat_i(-i16::MAX), new)) << line;
-        if let Some(occupancy) = self.occupancy {
+        if let Some(window) = self.window {
             let solid = l.load_i(&self.solid[line]);
-            let before = units(l, occupancy, l.min_i(solid, old));
-            let after = units(l, occupancy, l.min_i(solid, new));
-            let loss = l.sub_i(before, after);
-            self.losses[line] = loss;
-            self.losing |= u16::from(l.not_zero(loss) != 0) << line;
+            // units of occupancy, less half a voxel: clamp(min(solid, cut), ± window)
+            let (low, high) = (l.splat_i(-window), l.splat_i(window));
+            let solid = l.max_i(l.min_i(solid, high), low);
+            let before = l.max_i(l.min_i(solid, old), low);
+            let after = l.max_i(l.min_i(solid, new), low);
+            self.losses[line] = l.sub_i(before, after);
+            self.losing |= u16::from(l.any_less(after, before)) << line;
         }
     }
 
@@ -121,13 +123,4 @@ impl<'a, L: Lanes> Pencil<'a, L> {
         }
         (self.changed != 0, self.lowest)
     }
-}
-
-/// Occupancy of stored distances, up to a constant ([`crate::bone::Occupancy`]).
-#[inline(always)]
-fn units<L: Lanes>(l: L, [half, narrow, wide]: [i16; 3], d: L::I) -> L::I {
-    let near = l.max_i(l.min_i(d, l.splat_i(half)), l.splat_i(-half));
-    let far = l.max_i(l.min_i(d, l.splat_i(2 * half)), l.splat_i(-2 * half));
-    let near = l.mul_round(near, l.splat_i(narrow));
-    l.sub_i(near, l.mul_round(far, l.splat_i(wide)))
 }

@@ -121,7 +121,8 @@ struct Kernel<L: Lanes> {
     brick: Extent,
     line: Extent,
     band: f32,
-    occupancy: Option<[i16; 3]>,
+    // half the occupancy's window; none for no account
+    window: Option<i16>,
 }
 
 /// Long arrays that are made once a job.
@@ -210,9 +211,9 @@ impl<L: Lanes> Kernel<L> {
             brick: Extent::new([3.5 * h[0], 3.5 * h[1], 3.5 * h[2]], slack),
             line: Extent::new([1.5 * h[0], 1.5 * h[1], 0.5 * h[2]], slack),
             band: placed.band,
-            occupancy: stamp
+            window: stamp
                 .account
-                .then(|| Occupancy::new(stamp.bone.grid()).parts()),
+                .then(|| Occupancy::new(stamp.bone.grid()).half_window()),
         }
     }
 
@@ -291,8 +292,7 @@ impl<L: Lanes> Kernel<L> {
                 continue;
             }
             let fields = (stamp.bone, &mut *stamp.cut);
-            let mut pencil =
-                Pencil::new(self.l, fields, place, self.occupancy, &mut scratch.losses);
+            let mut pencil = Pencil::new(self.l, fields, place, self.window, &mut scratch.losses);
             pencil.fill(full);
             while near != 0 {
                 let line = near.trailing_zeros() as usize;
@@ -398,7 +398,7 @@ impl<L: Lanes> Kernel<L> {
         let placed = stamp.placed;
         let place = (chunk, brick);
         let fields = (stamp.bone, &mut *stamp.cut);
-        let mut pencil = Pencil::new(l, fields, place, self.occupancy, &mut scratch.losses);
+        let mut pencil = Pencil::new(l, fields, place, self.window, &mut scratch.losses);
         pencil.fill(task.full);
         let faces = task.faces;
         let face = faces.trailing_zeros() as usize % MAX_FLAT;

@@ -89,8 +89,6 @@ pub(crate) trait Lanes: Copy {
     fn max_i(self, a: Self::I, b: Self::I) -> Self::I;
     /// Wrapping difference.
     fn sub_i(self, a: Self::I, b: Self::I) -> Self::I;
-    /// [`crate::bone::mul_round`].
-    fn mul_round(self, a: Self::I, b: Self::I) -> Self::I;
     /// Whether any lane of `a` is less than that of `b`.
     fn any_less(self, a: Self::I, b: Self::I) -> bool;
     /// One bit a lane that is not zero.

@@ -120,10 +120,6 @@ impl Lanes for Portable {
         each(a, b, i16::wrapping_sub)
     }
     #[inline(always)]
-    fn mul_round(self, a: Self::I, b: Self::I) -> Self::I {
-        each(a, b, crate::bone::mul_round)
-    }
-    #[inline(always)]
     fn any_less(self, a: Self::I, b: Self::I) -> bool {
         (0..32).fold(0, |any, n| any | u8::from(a[n] < b[n])) != 0
     }

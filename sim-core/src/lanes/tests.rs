@@ -61,7 +61,6 @@ impl Job for Everything {
                 l.min_i(x, y),
                 l.max_i(x, y),
                 l.sub_i(x, y),
-                l.mul_round(x, l.max_i(y, l.splat_i(-i16::MAX))),
                 l.keep(x, mask),
                 l.splat_i(-7),
             ] {

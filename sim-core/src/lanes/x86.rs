@@ -114,10 +114,6 @@ impl Lanes for V4 {
         self.avx512bw._mm512_sub_epi16(a, b)
     }
     #[inline(always)]
-    fn mul_round(self, a: Self::I, b: Self::I) -> Self::I {
-        self.avx512bw._mm512_mulhrs_epi16(a, b)
-    }
-    #[inline(always)]
     fn any_less(self, a: Self::I, b: Self::I) -> bool {
         self.avx512bw._mm512_cmplt_epi16_mask(a, b) != 0
     }
@@ -250,10 +246,6 @@ impl Lanes for V3 {
     #[inline(always)]
     fn sub_i(self, a: Self::I, b: Self::I) -> Self::I {
         both(a, b, |a, b| self.avx2._mm256_sub_epi16(a, b))
-    }
-    #[inline(always)]
-    fn mul_round(self, a: Self::I, b: Self::I) -> Self::I {
-        both(a, b, |a, b| self.avx2._mm256_mulhrs_epi16(a, b))
     }
     #[inline(always)]
     fn any_less(self, a: Self::I, b: Self::I) -> bool {
