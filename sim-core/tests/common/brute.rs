@@ -154,7 +154,7 @@ fn faced_brick(
         let of_face = |face: &Near| match *face {
             Near::Plane(sign, c) => sign * z - c,
             Near::Cone(n_r, n_z, c) => (n_r * r + n_z * z) - c,
-            Near::Ball(square, radius) => square.at(d).sqrt() - radius,
+            Near::Ball(square, radius) => square.at(d).max(0.0).sqrt() - radius,
             Near::Ring(disc, centre, radius) => {
                 let (beyond, dz) = ((r - disc).max(0.0), z - centre);
                 (beyond * beyond + dz * dz).sqrt() - radius
