@@ -16,6 +16,7 @@
 pub mod brute;
 pub mod random;
 pub mod shapes;
+pub mod surface;
 
 use glam::DVec3;
 use osteon_sim_core::bone::{Bone, DenseBone};
