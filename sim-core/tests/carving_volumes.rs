@@ -41,14 +41,14 @@ fn scene(n: u64, edge: f64, sd: impl Fn(DVec3) -> f64) -> Scene {
 }
 
 impl Scene {
-    /// Sweeps a tool along `path` in `steps` steps; volume so far.
+    /// Sweeps a tool along `path`, its start included, in `steps` steps; volume so far.
     fn sweep(&self, cut: &mut Cut, tool: &Tool, steps: u32, path: impl Fn(f64) -> Pose) -> f64 {
         let at = |n: u32| self.frame.then(&path(f64::from(n) / f64::from(steps)));
-        for n in 0..steps {
+        for n in 0..=steps {
             let step = CarveStep {
                 tool: 2,
-                before: at(n),
-                after: at(n + 1),
+                before: at(n.saturating_sub(1)),
+                after: at(n),
             };
             carve(&self.bone, cut, tool, &step, &mut |_, _| {});
         }
@@ -76,14 +76,19 @@ fn cylinder(radius: f32, low: f32, high: f32) -> Tool {
     tool_of(Revolved::new(vec![Part { faces }]).expect("closed"))
 }
 
-/// Mean and worst relative error over six attitudes, printed; both within bounds.
-fn check(name: &str, truth: f64, (mean, worst): (f64, f64), measure: impl Fn(u64) -> f64) {
+/// What the sharp edges that a cut leaves on the bone may lose in the account, h² a millimetre.
+const EDGE: f64 = 0.1;
+
+/// Mean and worst relative error over six attitudes, printed; within 1 and 2 thousandths beyond what
+/// `edges` (mm, of the bone beside the cut) may lose.
+fn check(name: &str, (truth, edges): (f64, f64), measure: impl Fn(u64) -> f64) {
     let errors: Vec<f64> = (0..6).map(|n| measure(n) / truth - 1.0).collect();
     let average = errors.iter().sum::<f64>() / 6.0;
     let largest = errors.iter().fold(0.0f64, |m, e| m.max(e.abs()));
-    println!("{name}: {truth:.2} mm3, mean {average:+.2e}, worst {largest:.2e}");
-    assert!(average.abs() <= mean, "{name}: mean {average}");
-    assert!(largest <= worst, "{name}: worst {largest}");
+    let edge = EDGE * H * H * edges / truth;
+    println!("{name}: {truth:.2} mm3, mean {average:+.2e}, worst {largest:.2e} (edges {edge:.2e})");
+    assert!(average.abs() <= 1e-3 + edge, "{name}: mean {average}");
+    assert!(largest <= 2e-3 + edge, "{name}: worst {largest}");
 }
 
 fn cap(radius: f64, depth: f64) -> f64 {
@@ -102,20 +107,20 @@ fn half_space(p: DVec3) -> f64 {
 fn forms_1_3_8_9_ball_capsule_two_balls_and_an_arm_in_solid_bone() {
     let whole = 4.0 / 3.0 * PI * R.powi(3);
     let once = |s: &Scene, at: DVec3, cut: &mut Cut| s.sweep(cut, &ball(), 1, |_| shifted(at));
-    check("1 ball", whole, (1e-3, 2e-3), |n| {
+    check("1 ball", (whole, 0.0), |n| {
         let s = scene(n, 18.0, full);
         once(&s, DVec3::ZERO, &mut Cut::new(&s.bone))
     });
     let length = 14.0;
     let capsule = whole + PI * R * R * length;
-    check("3 capsule", capsule, (1e-3, 2e-3), |n| {
+    check("3 capsule", (capsule, 0.0), |n| {
         let s = scene(n, 32.0, full);
         let path = |t: f64| shifted(DVec3::X * length * (t - 0.5));
         s.sweep(&mut Cut::new(&s.bone), &ball(), 5, path)
     });
     let w = 5.0;
     let two = 2.0 * whole - PI * (4.0 * R + w) * (2.0 * R - w).powi(2) / 12.0;
-    check("8 two balls", two, (1e-3, 2e-3), |n| {
+    check("8 two balls", (two, 0.0), |n| {
         let s = scene(n, 24.0, full);
         let mut cut = Cut::new(&s.bone);
         once(&s, DVec3::X * -0.5 * w, &mut cut);
@@ -123,7 +128,7 @@ fn forms_1_3_8_9_ball_capsule_two_balls_and_an_arm_in_solid_bone() {
     });
     let (arm, turn) = (9.0, 1.5f64);
     let pappus = whole + arm * turn * PI * R * R;
-    check("9 arm", pappus, (1e-3, 2e-3), |n| {
+    check("9 arm", (pappus, 0.0), |n| {
         let s = scene(n, 32.0, full);
         let place = |t: f64| {
             let q = DQuat::from_rotation_z(turn * (t - 0.5));
@@ -136,7 +141,8 @@ fn forms_1_3_8_9_ball_capsule_two_balls_and_an_arm_in_solid_bone() {
 #[test]
 fn forms_2_and_4_plunge_and_groove_of_a_ball() {
     let depth = 2.0;
-    check("2 plunge", cap(R, depth), (2e-3, 5e-3), |n| {
+    let rim = 2.0 * PI * (2.0 * R * depth - depth * depth).sqrt();
+    check("2 plunge", (cap(R, depth), rim), |n| {
         let s = scene(n, 24.0, half_space);
         let path = |t: f64| shifted(DVec3::Z * (R - depth * t));
         s.sweep(&mut Cut::new(&s.bone), &ball(), 2, path)
@@ -145,7 +151,7 @@ fn forms_2_and_4_plunge_and_groove_of_a_ball() {
     let across =
         R * R * ((R - depth) / R).acos() - (R - depth) * (2.0 * R * depth - depth * depth).sqrt();
     let groove = cap(R, depth) + length * across;
-    check("4 groove", groove, (2e-3, 4e-3), |n| {
+    check("4 groove", (groove, rim + 2.0 * length), |n| {
         let s = scene(n, 38.0, half_space);
         let path = |t: f64| shifted(DVec3::new(length * (t - 0.5), 0.0, R - depth));
         s.sweep(&mut Cut::new(&s.bone), &ball(), 5, path)
@@ -156,13 +162,13 @@ fn forms_2_and_4_plunge_and_groove_of_a_ball() {
 fn forms_5_and_6_flat_and_domed_ends() {
     let (r, depth, length) = (5.0, 3.0, 8.0);
     let tool = cylinder(r as f32, 0.0, 20.0);
-    check("5 plunge", PI * r * r * depth, (2e-3, 4e-3), |n| {
+    check("5 plunge", (PI * r * r * depth, 2.0 * PI * r), |n| {
         let s = scene(n, 24.0, half_space);
         let path = |t: f64| shifted(DVec3::Z * -depth * t);
         s.sweep(&mut Cut::new(&s.bone), &tool, 4, path)
     });
     let slot = (2.0 * r * length + PI * r * r) * depth;
-    check("5 slot", slot, (2e-3, 4e-3), |n| {
+    check("5 slot", (slot, 2.0 * (PI * r + length)), |n| {
         let s = scene(n, 34.0, half_space);
         let path = |t: f64| shifted(DVec3::new(length * (t - 0.5), 0.0, -depth));
         s.sweep(&mut Cut::new(&s.bone), &tool, 6, path)
@@ -176,7 +182,7 @@ fn forms_5_and_6_flat_and_domed_ends() {
         } else {
             cap(sphere, rim) + PI * body * body * (depth - rim)
         };
-        check("6 dome", truth, (2e-3, 4e-3), |n| {
+        check("6 dome", (truth, 2.0 * PI * body), |n| {
             let s = scene(n, 30.0, half_space);
             let path = |t: f64| shifted(DVec3::Z * -depth * t);
             s.sweep(&mut Cut::new(&s.bone), &reamer, 4, path)
@@ -193,15 +199,12 @@ fn form_7_a_ball_into_a_ball_and_into_a_socket() {
             / (12.0 * d);
     let at = |s: &Scene| s.sweep(&mut Cut::new(&s.bone), &ball(), 1, |_| shifted(DVec3::ZERO));
     // the middle of the other ball lies below
-    check("7 convex", lens, (3e-3, 1e-2), |n| {
+    check("7 convex", (lens, rim), |n| {
         at(&scene(n, 24.0, |p| b - (p + DVec3::Z * d).length()))
     });
-    check(
-        "7 socket",
-        4.0 / 3.0 * PI * R.powi(3) - lens,
-        (2e-3, 4e-3),
-        |n| at(&scene(n, 24.0, |p| (p + DVec3::Z * d).length() - b)),
-    );
+    check("7 socket", (4.0 / 3.0 * PI * R.powi(3) - lens, rim), |n| {
+        at(&scene(n, 24.0, |p| (p + DVec3::Z * d).length() - b))
+    });
 }
 
 /// Volume that a cylinder (radius, length) sweeps as it is tilted by `th` about its middle.
@@ -238,7 +241,7 @@ fn form_10_a_cylinder_that_is_tilted() {
     let truth = tilted(r, length, th);
     println!("10: {truth:.2} mm3");
     let tool = cylinder(3.0, -10.0, 10.0);
-    check("10 tilt", truth, (2e-3, 4e-3), |n| {
+    check("10 tilt", (truth, 0.0), |n| {
         let s = scene(n, 32.0, full);
         let path = |t: f64| Pose::new(DQuat::from_rotation_x(th * (t - 0.5)), DVec3::ZERO);
         s.sweep(&mut Cut::new(&s.bone), &tool, 6, path)
