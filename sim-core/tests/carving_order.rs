@@ -1,6 +1,7 @@
 //! Carving in pieces, in any order, across chunk borders; and what the account says of it.
 
 #![expect(
+    clippy::print_stdout,
     clippy::cast_possible_truncation,
     reason = "small numbers become bytes and indices"
 )]
@@ -109,7 +110,7 @@ fn any_partition_of_the_work_is_the_same_cut_and_account() {
             let tool = &tools[usize::from(step.tool)];
             let mut progress = Progress::default();
             loop {
-                let given = 1 + random.below(600) as i64;
+                let given = 1 + random.below(100) as i64;
                 let mut budget = given;
                 let mut work = Work {
                     bone: &bone,
@@ -128,7 +129,7 @@ fn any_partition_of_the_work_is_the_same_cut_and_account() {
         assert_eq!(cut.digest(&bone), whole.digest(&bone));
         assert_eq!(cut.totals(), whole.totals());
     }
-    assert!(pauses > 500, "{pauses}");
+    assert!(pauses > 400, "{pauses}");
 }
 
 #[test]
@@ -280,7 +281,8 @@ fn chunks_are_read_as_one_dense_lattice_and_their_alignment_is_no_matter() {
         let shift = [7usize, 13, 5];
         let by = grid.centre(shift[0], shift[1], shift[2]);
         let moved = carve(Pose::new(pose.rotation, pose.translation + by));
-        let (mut compared, mut worst) = (0, 0);
+        let (mut compared, mut worst, mut on_axis) = (0, 0, 0);
+        let tool_from_bone = pose.inverse();
         for z in 0..36 {
             for y in 20..45 {
                 for x in 20..45 {
@@ -289,11 +291,19 @@ fn chunks_are_read_as_one_dense_lattice_and_their_alignment_is_no_matter() {
                     let b = bone.locate(b).expect("kept");
                     let (a, b) = (cut.value(a.0, a.1), moved.value(b.0, b.1));
                     compared += u32::from(a != UNCUT);
-                    worst = worst.max((i32::from(a) - i32::from(b)).abs());
+                    let apart = (i32::from(a) - i32::from(b)).abs();
+                    let p = tool_from_bone.point(grid.centre(x, y, z));
+                    if p.truncate().length() > 1.5 * 0.6 {
+                        worst = worst.max(apart);
+                    } else {
+                        on_axis = on_axis.max(apart);
+                    }
                 }
             }
         }
-        assert!(compared > 100 && worst <= 64, "{compared} {worst}");
-        println!("{compared} voxels, {worst} units apart");
+        assert!(compared > 100 && worst <= 2, "{compared} {worst}");
+        // on the axis r is the root of a difference of squares
+        assert!(on_axis <= 64, "{on_axis}");
+        println!("{compared} voxels, {worst} units apart, {on_axis} on the axis");
     }
 }

@@ -193,6 +193,8 @@ fn forms_5_and_6_flat_and_domed_ends() {
 #[test]
 fn form_7_a_ball_into_a_ball_and_into_a_socket() {
     let (b, d) = (10.0, 13.0);
+    let foot = (d * d + R * R - b * b) / (2.0 * d);
+    let rim = 2.0 * PI * (R * R - foot * foot).sqrt();
     let top = (R + b - d).powi(2);
     let lens =
         PI * top * (d * d + 2.0 * d * b - 3.0 * b * b + 2.0 * d * R - 3.0 * R * R + 6.0 * R * b)
