@@ -3,6 +3,8 @@
 #![expect(
     clippy::print_stdout,
     clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::expect_used,
     reason = "a test that shows its figures; radii are f32"
 )]
 
@@ -43,7 +45,7 @@ fn places(random: &mut Random, middle: DVec3, h: DVec3) -> Vec<DVec3> {
 }
 
 /// Surface errors of a ball in a lattice, and the relative error of its volume at each place.
-fn ball_errors(carving: &Carving, radius: f64, h: DVec3, points: u16) -> (Errors, Vec<f64>) {
+fn ball_errors(carving: Carving, radius: f64, h: DVec3, points: u16) -> (Errors, Vec<f64>) {
     let room = radius + 2.5 * h.length();
     let bone = block(DVec3::splat(2.0 * room), h);
     let tool = tool_of(Revolved::ball(radius as f32));
@@ -69,7 +71,7 @@ fn a_balls_surface_and_volume_converge_at_second_order() {
     let mut last: Option<(f64, f64)> = None;
     let mut first = None;
     for h in [2.0, 1.0, 0.5, 0.25] {
-        let (e, volumes) = ball_errors(&Carving::best(), 6.0, DVec3::splat(h), 1500);
+        let (e, volumes) = ball_errors(Carving::best(), 6.0, DVec3::splat(h), 1500);
         let order = last.map(|(h0, rms)| (rms / e.rms()).log2() / f64::log2(h0 / h));
         println!(
             "R 6, h {h}: RMS {:.5} mean {:.5} max {:.5} mm, order {order:.2?}; volume {volumes:.6?}",
@@ -77,7 +79,7 @@ fn a_balls_surface_and_volume_converge_at_second_order() {
             e.mean(),
             e.max
         );
-        if h == 0.5 {
+        if (h - 0.5).abs() < 1e-9 {
             assert!(e.rms() <= 0.003, "{}", e.rms());
             // what the surface encloses, from the mean of its offsets
             let enclosed = 3.0 * e.mean() / 6.0;
@@ -142,7 +144,7 @@ fn random_errors(random: &mut Random, bone: &Bone, tool: &Tool, poses: u32) -> E
         let (p, _) = smooth_point(random, solid, clear);
         let rotation = random.rotation();
         let pose = Pose::new(rotation, 0.5 * far - rotation * p);
-        let cut = stamped(&Carving::best(), bone, tool, &pose);
+        let cut = stamped(Carving::best(), bone, tool, &pose);
         let (mut found, mut tried) = (0, 0);
         while found < 300 && tried < 20_000 {
             tried += 1;
@@ -177,7 +179,7 @@ fn every_vector_unit_passes_from_4_to_200_voxels() {
                 let place = DVec3::splat(7.0) + random.vector(h);
                 let centre = place - random.direction() * radius;
                 let pose = Pose::new(random.rotation(), centre);
-                let cut = stamped(&carving, &bone, &tool, &pose);
+                let cut = stamped(carving, &bone, &tool, &pose);
                 for _ in 0..400 {
                     let near = place + random.vector(4.0) - centre;
                     let normal = near / near.length();
@@ -211,7 +213,8 @@ fn balls_of_half_a_voxel_to_three_remove_more_and_more_down_to_a_bounded_error()
         let radius = h * voxels;
         let tool = tool_of(Revolved::ball(radius as f32));
         let bone = bone_of([24, 24, 24], DVec3::splat(h), 1.0, |p| 8.0 - p.z);
-        let (mut worst, mut sum, mut dip) = (0.0f64, 0.0, 0.0f64);
+        let (mut worst, mut sum) = (0.0f64, 0.0);
+        let (mut dip, mut least) = (0.0f64, 0.0f64);
         let full = Occupancy::new(bone.grid()).full() as f64;
         for _ in 0..20 {
             let start = DVec3::new(5.5, 5.5, 8.0 + radius) + random.vector(h).with_z(0.0);
@@ -232,6 +235,7 @@ fn balls_of_half_a_voxel_to_three_remove_more_and_more_down_to_a_bounded_error()
                 Carving::best().carve(&bone, &mut cut, &tool, &step, &mut |_, _| {});
                 let now = cut.totals().units();
                 dip = dip.max((before - now) as f64 / full);
+                least = least.min(now as f64 / full);
                 before = now;
             }
             let truth = PI * radius * radius * (2.0 + radius) + 2.0 / 3.0 * PI * radius.powi(3);
@@ -240,11 +244,20 @@ fn balls_of_half_a_voxel_to_three_remove_more_and_more_down_to_a_bounded_error()
             sum += error / 20.0;
         }
         println!(
-            "R {voxels} voxels: volume off by {worst:.3} at worst, {sum:+.3} on the average, dips {dip:.3} voxels"
+            "R {voxels} voxels: volume off by {worst:.3} at worst, {sum:+.3} on the average, dips {dip:.3}, lowest {least:.3} voxels"
         );
-        assert!(
-            worst <= if voxels < 1.0 { 1.0 } else { 0.3 },
-            "{voxels} {worst}"
-        );
+        // a voxel's fraction swings by an eighth beside the surface: a ball that is no larger than
+        // that takes a little of a neighbour and gives it back
+        let (most, swing) = match voxels {
+            v if v < 0.7 => (0.7, 0.25),
+            v if v < 1.2 => (0.35, 0.3),
+            v if v < 1.7 => (0.15, 0.15),
+            _ => (0.08, 0.0),
+        };
+        assert!(worst <= most, "{voxels} {worst}");
+        assert!(dip <= swing, "{voxels} {dip}");
+        // so the account may fall below zero by less than a voxel
+        let floor = if voxels < 1.7 { -0.8 } else { 0.0 };
+        assert!(least >= floor, "{voxels} {least}");
     }
 }

@@ -3,6 +3,7 @@
 #![expect(
     clippy::print_stdout,
     clippy::cast_possible_truncation,
+    clippy::panic,
     reason = "a test that shows its figures; radii are f32"
 )]
 

@@ -3,6 +3,8 @@
 #![expect(
     clippy::print_stdout,
     clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::expect_used,
     reason = "small numbers become bytes and indices"
 )]
 
@@ -236,6 +238,38 @@ fn dense_reading(grid: &Grid, values: &[i16], p: DVec3) -> f32 {
     (a + f.z * (b - a)) * grid.quantum_mm()
 }
 
+/// Voxels that are cut; how far the values of one cut are at most from those of the other, `shift`
+/// voxels farther on; and the same near the tool's axis.
+fn apart(
+    bone: &Bone,
+    (cut, moved): (&Cut, &Cut),
+    shift: [usize; 3],
+    pose: &Pose,
+) -> (u32, i32, i32) {
+    let grid = bone.grid();
+    let (mut compared, mut worst, mut on_axis) = (0, 0, 0);
+    let tool_from_bone = pose.inverse();
+    for z in 0..36 {
+        for y in 20..45 {
+            for x in 20..45 {
+                let a = bone.locate([x, y, z]).expect("kept");
+                let b = [x + shift[0], y + shift[1], z + shift[2]];
+                let b = bone.locate(b).expect("kept");
+                let (a, b) = (cut.value(a.0, a.1), moved.value(b.0, b.1));
+                compared += u32::from(a != UNCUT);
+                let apart = (i32::from(a) - i32::from(b)).abs();
+                let p = tool_from_bone.point(grid.centre(x, y, z));
+                if p.truncate().length() > 1.5 * 0.6 {
+                    worst = worst.max(apart);
+                } else {
+                    on_axis = on_axis.max(apart);
+                }
+            }
+        }
+    }
+    (compared, worst, on_axis)
+}
+
 #[test]
 fn chunks_are_read_as_one_dense_lattice_and_their_alignment_is_no_matter() {
     let mut random = Random(24);
@@ -281,26 +315,7 @@ fn chunks_are_read_as_one_dense_lattice_and_their_alignment_is_no_matter() {
         let shift = [7usize, 13, 5];
         let by = grid.centre(shift[0], shift[1], shift[2]);
         let moved = carve(Pose::new(pose.rotation, pose.translation + by));
-        let (mut compared, mut worst, mut on_axis) = (0, 0, 0);
-        let tool_from_bone = pose.inverse();
-        for z in 0..36 {
-            for y in 20..45 {
-                for x in 20..45 {
-                    let a = bone.locate([x, y, z]).expect("kept");
-                    let b = [x + shift[0], y + shift[1], z + shift[2]];
-                    let b = bone.locate(b).expect("kept");
-                    let (a, b) = (cut.value(a.0, a.1), moved.value(b.0, b.1));
-                    compared += u32::from(a != UNCUT);
-                    let apart = (i32::from(a) - i32::from(b)).abs();
-                    let p = tool_from_bone.point(grid.centre(x, y, z));
-                    if p.truncate().length() > 1.5 * 0.6 {
-                        worst = worst.max(apart);
-                    } else {
-                        on_axis = on_axis.max(apart);
-                    }
-                }
-            }
-        }
+        let (compared, worst, on_axis) = apart(&bone, (&cut, &moved), shift, &pose);
         assert!(compared > 100 && worst <= 2, "{compared} {worst}");
         // on the axis r is the root of a difference of squares
         assert!(on_axis <= 64, "{on_axis}");

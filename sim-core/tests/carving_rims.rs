@@ -18,11 +18,9 @@ use std::sync::Arc;
 const H: f64 = 0.47;
 
 fn block(edge: f64) -> Arc<Bone> {
-    let mut count = 0;
-    while f64::from(count) * H < edge {
-        count += 1;
-    }
-    bone_of([count as usize; 3], DVec3::splat(H), 1.0, |_| 9.0)
+    let count = (1..200u16).find(|&n| f64::from(n) * H >= edge);
+    let count = usize::from(count.unwrap_or(200));
+    bone_of([count; 3], DVec3::splat(H), 1.0, |_| 9.0)
 }
 
 fn stamp(bone: &Bone, cut: &mut Cut, tool: &Tool, pose: Pose) {

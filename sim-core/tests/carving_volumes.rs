@@ -3,6 +3,8 @@
 #![expect(
     clippy::print_stdout,
     clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::expect_used,
     reason = "a test that shows its figures; radii are f32"
 )]
 

@@ -87,7 +87,7 @@ fn near(form: Form, bend: f64, units: f64, (middle, axis, foot): (DVec3, DVec3, 
 }
 
 fn stored(value: f32) -> i16 {
-    value.max(-32767.0).min(32767.0).round_ties_even() as i16
+    value.clamp(-32767.0, 32767.0).round_ties_even() as i16
 }
 
 /// Calls `voxel(index in the chunk, place in the lattice, value)` for every voxel of a chunk.
@@ -178,7 +178,7 @@ fn sampled_brick(
     let tool_from_bone = pose.inverse();
     let axes = DMat3::from_quat(tool_from_bone.rotation);
     let h = grid.spacing_mm;
-    let step = [axes.x_axis * h.x, axes.y_axis * h.y, axes.z_axis * h.z].map(|s| s.as_vec3());
+    let step = [axes.x_axis * h.x, axes.y_axis * h.y, axes.z_axis * h.z].map(DVec3::as_vec3);
     let p = tool_from_bone
         .point(grid.centre(first[0], first[1], first[2]))
         .as_vec3();

@@ -11,7 +11,7 @@ use osteon_sim_core::tool::Tool;
 use osteon_sim_core::tool::revolved::Revolved;
 
 /// One pose out of an uncut bone.
-pub fn stamped(carving: &Carving, bone: &Bone, tool: &Tool, pose: &Pose) -> Cut {
+pub fn stamped(carving: Carving, bone: &Bone, tool: &Tool, pose: &Pose) -> Cut {
     let mut cut = Cut::new(bone);
     let step = CarveStep {
         tool: 0,
