@@ -4,7 +4,7 @@
 const CACHE_LINE: usize = 64;
 
 /// Values in one run that begins on a cache line.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(crate) struct Aligned<T> {
     raw: Vec<T>,
     // values before the first one that lies on a cache line
@@ -35,6 +35,13 @@ impl<T: Copy + Default> Aligned<T> {
             *self = bigger;
         }
         self.raw.extend_from_slice(values);
+    }
+}
+
+impl<T: core::fmt::Debug> core::fmt::Debug for Aligned<T> {
+    // where the values lie is no part of them
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_list().entries(self.iter()).finish()
     }
 }
 

@@ -5,7 +5,7 @@
 //! centre or to the axis: |v + δ| ≤ |v| + v·δ/|v| + |δ|²/2|v|. A ring takes d(c) ± |b|.
 #![expect(clippy::inline_always, reason = "lanes must melt into the job")]
 
-use super::node::{Node, NodeFace, Points, Square};
+use super::node::{Node, NodeFace, Points, Square, root};
 use super::placed::{Kind, MAX_FLAT};
 use crate::lanes::Lanes;
 use crate::tool::revolved::MAX_PARTS;
@@ -161,7 +161,7 @@ pub(super) fn of_ball<L: Lanes>(
 ) -> [L::F; 2] {
     let one = l.splat(1.0);
     let q = l.add(square.flat(l, p), square.rises(l, p));
-    let away = l.sqrt(q);
+    let away = root(l, q);
     let inverse = l.div(one, l.max(away, one));
     let reach = l.mul(extent.along(l, from_centre(l, square.twice, p)), inverse);
     let bend = l.mul(l.splat(extent.half_square), inverse);

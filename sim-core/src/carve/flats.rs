@@ -6,7 +6,7 @@
 #![expect(clippy::inline_always, reason = "lanes must melt into the job")]
 
 use super::bounds::{Deciding, Extent, of_ball};
-use super::node::{Node, NodeFace, Points, Square};
+use super::node::{Node, NodeFace, Points, Square, root};
 use super::placed::{Kind, MAX_FLAT};
 use crate::grid::LINES_PER_BRICK;
 use crate::lanes::Lanes;
@@ -76,7 +76,7 @@ impl<L: Lanes> Field<L> for OneBall<L::F> {
         let q0 = l.add(flat, l.splat(self.square.rise(heights[0])));
         let q1 = l.add(flat, l.splat(self.square.rise(heights[1])));
         let radius = l.splat(self.radius);
-        [l.sub(l.sqrt(q0), radius), l.sub(l.sqrt(q1), radius)]
+        [l.sub(root(l, q0), radius), l.sub(root(l, q1), radius)]
     }
 }
 
@@ -212,7 +212,7 @@ fn of_face<L: Lanes>(
         let q0 = l.add(flat, l.splat(face.square.rise(heights[0])));
         let q1 = l.add(flat, l.splat(face.square.rise(heights[1])));
         let radius = l.splat(face.c);
-        return [l.sub(l.sqrt(q0), radius), l.sub(l.sqrt(q1), radius)];
+        return [l.sub(root(l, q0), radius), l.sub(root(l, q1), radius)];
     }
     let flat = node.flat(l, points);
     let (rz0, rz1) = (

@@ -33,6 +33,12 @@ impl<F: Copy> Points<F> {
     }
 }
 
+/// Distance of a square, which rounding may have brought below zero about its own point.
+#[inline(always)]
+pub(super) fn root<L: Lanes>(l: L, q: L::F) -> L::F {
+    l.sqrt(l.max(q, l.splat(0.0)))
+}
+
 /// A square distance as a function of δ.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Square {
@@ -133,7 +139,7 @@ impl NodeFace {
         match self.kind {
             Kind::Plane => l.sub(l.mul(a, z), c),
             Kind::Cone => self.cone(l, (r, z)),
-            Kind::Ball => l.sub(l.sqrt(q), c),
+            Kind::Ball => l.sub(root(l, q), c),
             Kind::Ring => {
                 let beyond = l.max(l.sub(r, a), l.splat(0.0));
                 let dz = l.sub(z, b);
@@ -206,8 +212,7 @@ impl Node {
             return (z, z);
         }
         let q = l.add(self.square.flat(l, p), self.square.rises(l, p));
-        let r2 = l.max(l.sub(q, l.mul(z, z)), l.splat(0.0));
-        (l.sqrt(r2), z)
+        (root(l, l.sub(q, l.mul(z, z))), z)
     }
 
     /// The parts of z and of the square distance to the foot that do not depend on δ.z.
@@ -226,7 +231,6 @@ impl Node {
             return (z, z);
         }
         let q = l.add(q, l.splat(self.square.rise(height)));
-        let r2 = l.max(l.sub(q, l.mul(z, z)), l.splat(0.0));
-        (l.sqrt(r2), z)
+        (root(l, l.sub(q, l.mul(z, z))), z)
     }
 }

@@ -11,7 +11,8 @@
 //!
 //! in `f32`. c is a ball's centre for a ball, and the foot of the chunk's middle on the axis for
 //! everything else, so that nothing large cancels; there z = ((z₀ + a.x δ.x) + a.y δ.y) + a.z δ.z and
-//! r = √max(q − z², 0). At a chunk |w|², 2**w** and z₀ are rounded from `f64`; a brick's are the chunk's
+//! r = √max(q − z², 0); a ball's distance is √max(q, 0) less its radius. At a chunk |w|², 2**w** and z₀
+//! are rounded from `f64`; a brick's are the chunk's
 //! moved by its offset, in `f32` ([`Square::moved`]). A voxel's value is the smallest over the parts
 //! of the largest over their faces, rounded to the nearest integer (ties to even) and clamped to
 //! ±32767.

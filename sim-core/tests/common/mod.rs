@@ -6,13 +6,17 @@
     clippy::expect_used,
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
     clippy::missing_panics_doc,
     missing_docs,
     missing_debug_implementations,
     reason = "helpers for tests; each test file uses a part of them"
 )]
 
+pub mod brute;
+pub mod random;
 pub mod shapes;
+pub mod surface;
 
 use glam::DVec3;
 use osteon_sim_core::bone::{Bone, DenseBone};
