@@ -131,7 +131,8 @@ fn text_cts_that_cannot_be_read() {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
     bone_refused(dir, "missing.txt", &["cannot be read"]);
-    let diagonal: String = (0..4000).map(|n| format!("{n} {n} {n} 500\n")).collect();
+    let lines: Vec<String> = (0..4000).map(|n| format!("{n} {n} {n} 500\n")).collect();
+    let diagonal = lines.concat();
     let cases: [Spoilt<'_>; 8] = [
         ("empty.txt", b"# nothing\n", &["no voxel", "x y z density"]),
         (
