@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Version of the viewer link.
-pub const IPC_VERSION: u16 = 1;
+pub const IPC_VERSION: u16 = 2;
 
 /// Most bytes of one framed message's payload. Bounded before it is believed.
 pub const MAX_PAYLOAD: usize = 1 << 20;

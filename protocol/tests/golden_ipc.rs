@@ -52,21 +52,21 @@ fn whole_frames_are_the_written_ones() {
     // Length, CRC-32C and payload; the CRCs were computed by a separate program.
     let mut framed = Vec::new();
     let name = "test".to_owned();
-    encode_into(&FromViewer::Hello { version: 1, name }, &mut framed).unwrap();
+    encode_into(&FromViewer::Hello { version: 2, name }, &mut framed).unwrap();
     let hello = [
-        7, 0, 0, 0, 0xC3, 0x86, 0x8C, 0x7A, 0, 1, 4, b't', b'e', b's', b't',
+        7, 0, 0, 0, 0x19, 0x4D, 0x30, 0x4E, 0, 2, 4, b't', b'e', b's', b't',
     ];
     assert_eq!(framed, hello);
     framed.clear();
     encode_into(&FromViewer::Command(Command::SelectTool(1)), &mut framed).unwrap();
     assert_eq!(framed, [3, 0, 0, 0, 0x07, 0xB2, 0x4E, 0x37, 1, 0, 1]);
     framed.clear();
-    encode_into(&ToViewer::Hello { version: 1 }, &mut framed).unwrap();
-    assert_eq!(framed, [2, 0, 0, 0, 0xD1, 0xF4, 0x0A, 0x03, 0, 1]);
+    encode_into(&ToViewer::Hello { version: 2 }, &mut framed).unwrap();
+    assert_eq!(framed, [2, 0, 0, 0, 0x25, 0x07, 0x5A, 0x10, 0, 2]);
     let document = include_str!("../../WIRE.md");
     for shown in [
-        "`07 00 00 00 c3 86 8c 7a 00 01 04 74 65 73 74`",
-        "`02 00 00 00 d1 f4 0a 03 00 01`",
+        "`07 00 00 00 19 4d 30 4e 00 02 04 74 65 73 74`",
+        "`02 00 00 00 25 07 5a 10 00 02`",
         "`03 00 00 00 07 b2 4e 37 01 00 01`",
     ] {
         assert!(document.contains(shown), "not in WIRE.md: {shown}");
@@ -75,7 +75,7 @@ fn whole_frames_are_the_written_ones() {
 
 #[test]
 fn beginning_and_end() {
-    assert_eq!(IPC_VERSION, 1);
+    assert_eq!(IPC_VERSION, 2);
     holds(&ToViewer::Hello { version: 300 }, &[&[0], &[0xAC, 0x02]]);
     let reason = "no".to_owned();
     holds(&ToViewer::Refused { reason }, &[&[1], &[2], b"no"]);

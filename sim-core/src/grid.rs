@@ -135,13 +135,18 @@ impl Grid {
 /// Arguments in `0..32`.
 pub fn voxel_in_chunk(x: usize, y: usize, z: usize) -> usize {
     let brick = ((z >> 3) * 4 + (y >> 3)) * 4 + (x >> 3);
-    let line = ((z >> 1) & 3) * 4 + ((y >> 2) & 1) * 2 + ((x >> 2) & 1);
+    brick * BRICK_VOXELS + offset_in_brick([x & 7, y & 7, z & 7])
+}
+
+/// Offset in its brick's values of a voxel inside the brick (each in `0..8`).
+pub fn offset_in_brick([x, y, z]: [usize; 3]) -> usize {
+    let line = (z >> 1) * 4 + (y >> 2) * 2 + (x >> 2);
     let lane = (y & 3) * 8 + (z & 1) * 4 + (x & 3);
-    brick * BRICK_VOXELS + line * LINE_VOXELS + lane
+    line * LINE_VOXELS + lane
 }
 
 /// The voxel inside its brick at offset `local` (in `0..512`) of the brick's values: the inverse of
-/// [`voxel_in_chunk`].
+/// [`offset_in_brick`].
 pub fn voxel_in_brick(local: usize) -> [usize; 3] {
     let (line, lane) = (local / LINE_VOXELS, local % LINE_VOXELS);
     let o = line_origin(line);

@@ -9,7 +9,9 @@
 
 use osteon_sim_core::bone::Bone;
 use osteon_sim_core::cut::{Cut, UNCUT};
-use osteon_sim_core::grid::{BRICK, BRICK_VOXELS, BRICKS_PER_CHUNK};
+use osteon_sim_core::grid::{
+    BRICK, BRICK_VOXELS, BRICKS_PER_CHUNK, offset_in_brick, voxel_in_brick,
+};
 use std::collections::VecDeque;
 
 /// Texels along one edge of a tile.
@@ -170,7 +172,7 @@ impl BrickMap {
                     for x in xs.clone() {
                         // texel t of the tile is voxel t - 1 of the brick, modulo its edge
                         let v = [x, y, z].map(|t| (t + BRICK - 1) % BRICK);
-                        let voxel = base + (v[2] * BRICK + v[1]) * BRICK + v[0];
+                        let voxel = base + offset_in_brick(v);
                         each((z * TILE + y) * TILE + x, chunk, voxel);
                     }
                 }
@@ -348,7 +350,7 @@ fn changed_box(old: Option<&[i16]>, new: &[i16]) -> Option<([usize; 3], [usize; 
         if value == old.map_or(UNCUT, |o| o[i]) {
             continue;
         }
-        let v = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)];
+        let v = voxel_in_brick(i);
         let (lo, hi) = found.get_or_insert((v, v));
         for a in 0..3 {
             lo[a] = lo[a].min(v[a]);

@@ -8,7 +8,9 @@
 use glam::DVec3;
 use osteon_sim_core::bone::{Bone, DenseBone};
 use osteon_sim_core::cut::Cut;
-use osteon_sim_core::grid::{BRICK_VOXELS, BRICKS_PER_CHUNK, CHUNK, Grid, brick_origin};
+use osteon_sim_core::grid::{
+    BRICK_VOXELS, BRICKS_PER_CHUNK, CHUNK, Grid, brick_origin, voxel_in_brick,
+};
 use osteon_sim_core::pose::Pose;
 use osteon_sim_core::tissue::Tissue;
 
@@ -73,7 +75,7 @@ pub(crate) fn carve(bone: &Bone, cut: &mut Cut, tool: impl Fn(DVec3) -> f64) {
             let mut values = [0i16; BRICK_VOXELS];
             let mut changed = false;
             for (v, value) in values.iter_mut().enumerate() {
-                let inner = [v % 8, v / 8 % 8, v / 64];
+                let inner = voxel_in_brick(v);
                 let at: [usize; 3] =
                     core::array::from_fn(|a| usize::from(coord[a]) * CHUNK + o[a] + inner[a]);
                 let old = cut.brick(chunk, brick).map_or(i16::MAX, |b| b[v]);
