@@ -8,9 +8,9 @@ use crate::carve::{CarveStep, Carving, Progress, Work};
 use crate::cut::Cut;
 use crate::tool::Tool;
 
-/// Units of work ([`Carving::carve_some`]: one is a line of voxels looked at) that a tick may carve:
-/// about 0.6 ms in the portable code, far less on vector units. The last chunk begun may overdraw it,
-/// by 1,092 units at most.
+/// Units of work ([`Carving::carve_some`]: one is a line of voxels written) that a tick may carve: about
+/// 0.6 ms in the portable code, far less on vector units. The last chunk begun may overdraw it, by 1,108
+/// units at most (a tool of triangles by ten times that).
 pub const TICK_WORK: i64 = 12_288;
 
 /// What is left of a step, and of the tick's budget.
@@ -54,14 +54,18 @@ impl Carry {
         let Some((step, progress)) = &mut self.pending else {
             return;
         };
-        let done = tools.get(usize::from(step.tool)).is_none_or(|tool| {
+        let done = if let Some(tool) = tools.get(usize::from(step.tool)) {
             let mut work = Work {
                 bone,
                 cut,
                 changed: &mut |_, _| {},
             };
             Carving::best().carve_some(&mut work, tool, step, (progress, &mut self.left))
-        });
+        } else {
+            // a step that was begun counts, whatever became of it
+            cut.bump_revision();
+            true
+        };
         if done {
             self.pending = None;
         }

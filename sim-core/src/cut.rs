@@ -215,6 +215,9 @@ impl Cut {
             return false;
         }
         self.brick_mut(chunk, brick).copy_from_slice(values);
+        // values may have risen: nothing is known to be at its lowest
+        self.emptied_lines[chunk][brick] = 0;
+        self.emptied[chunk] &= !(1 << brick);
         true
     }
 

@@ -95,9 +95,9 @@ impl Resync {
         let Some(tool) = self.tools.get(usize::from(step.tool)) else {
             return;
         };
-        let band = bone.grid().band_mm();
+        let margin = tool.shape.margin_mm(bone.grid());
         for pose in [&step.before, &step.after] {
-            let (lo, hi) = Obb::of_tool(&tool.shape.bounds(), pose, band).aabb();
+            let (lo, hi) = Obb::of_tool(&tool.shape.bounds(), pose, margin).aabb();
             let range = chunk_range(bone, lo, hi);
             for z in range.lo[2]..range.hi[2] {
                 for y in range.lo[1]..range.hi[1] {

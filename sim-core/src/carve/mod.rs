@@ -151,8 +151,10 @@ impl Carving {
 
     /// Carves a part of a step: goes on from `progress` until `budget` units of work are spent, and
     /// lowers `budget` by what was spent. True where the step is done (it then counts as one revision
-    /// of the cut). One unit is one line looked at; a chunk (1,024 lines) is always finished, so the
-    /// budget is overdrawn by that at most. Any partition of a step gives the same cut.
+    /// of the cut). One unit is one line written (ten where the tool is sampled on a grid), one brick, layer
+    /// of bricks or chunk coordinate looked at; a pose costs 16 more. A chunk is always finished, so the
+    /// budget is overdrawn by 1,108 at most (ten times that for a sampled tool). Any partition of a step
+    /// gives the same cut.
     pub fn carve_some(
         self,
         work: &mut Work<'_>,
@@ -195,7 +197,8 @@ impl Carving {
         (progress, budget): (&mut Progress, &mut i64),
     ) -> bool {
         let grid = work.bone.grid();
-        let (lo, hi) = Obb::of_tool(&tool.shape.bounds(), bone_from_tool, grid.band_mm()).aabb();
+        let margin = tool.shape.margin_mm(grid);
+        let (lo, hi) = Obb::of_tool(&tool.shape.bounds(), bone_from_tool, margin).aabb();
         let range = chunk_range(work.bone, lo, hi);
         let (solid, sampled) = match &tool.shape {
             Shape::Revolved(solid) => (Some(solid), None),

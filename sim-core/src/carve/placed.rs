@@ -107,10 +107,12 @@ impl Placed {
         let Some(solid) = solid else {
             return placed;
         };
-        let reach = solid.bounds.lo.abs().max(solid.bounds.hi.abs()).length();
+        let mut reach = solid.bounds.lo.abs().max(solid.bounds.hi.abs()).length();
         for part in &solid.parts {
             for face in &part.faces {
                 let flat = FlatFace::new(face.form, units, bend, placed.parts);
+                // a square is rounded against the way to its face's centre
+                reach = reach.max((flat.b.abs() + flat.c.abs()) / units);
                 placed.faces[placed.count] = flat;
                 placed.count += 1;
             }

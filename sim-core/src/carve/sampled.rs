@@ -86,7 +86,13 @@ impl<'a> Sampled<'a> {
         let near = self.samples.near_slack_mm();
         let size = value.abs();
         let distance = (size.min(BAND_MM) - near).max(size - self.samples.slack_mm());
-        let reach = self.band_mm + radius + near + 1e-3;
+        // in a lattice whose band is wider than the samples' own, the coarse ones matter too
+        let off = if self.band_mm + near > BAND_MM {
+            self.samples.slack_mm()
+        } else {
+            near
+        };
+        let reach = self.band_mm + radius + off + 1e-3;
         if distance < reach {
             Box3::Look
         } else if value > 0.0 {

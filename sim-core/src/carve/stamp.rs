@@ -23,6 +23,13 @@ use crate::grid::{BRICKS_PER_CHUNK, CHUNK, LINES_PER_BRICK, brick_origin};
 use crate::lanes::{Isa, Job, Lanes, dispatch};
 use glam::DVec3;
 
+/// Units of work that a pose costs whatever it meets.
+const STAMP_WORK: i64 = 16;
+/// Units of work of a line that is read from a sampled tool, 32 times eight samples, and of sorting the
+/// lines of one of its bricks.
+const SAMPLE_WORK: i64 = 10;
+const SORT_WORK: i64 = 4;
+
 /// One pose's work.
 pub(super) struct Stamp<'a> {
     pub bone: &'a Bone,
@@ -93,6 +100,7 @@ impl Job for Chunks<'_, '_> {
                 next / (size[0] * size[1]),
             ];
             let coord = core::array::from_fn(|a| self.range.lo[a] + at[a]);
+            *self.stamp.budget -= 1;
             if let Some(chunk) = self.stamp.bone.chunk_at(coord) {
                 if let Some(sampled) = self.stamp.sampled {
                     kernel.sample_chunk(self.stamp, &mut scratch, &sampled, (chunk, coord));
@@ -103,6 +111,8 @@ impl Job for Chunks<'_, '_> {
             next += 1;
         }
         scratch.ledger.book(&mut self.stamp.cut.totals);
+        // at the end: a budget of one must still get on
+        *self.stamp.budget -= STAMP_WORK;
         next
     }
 }
@@ -227,7 +237,6 @@ impl<L: Lanes> Kernel<L> {
     ) {
         let live = stamp.bone.bony_bricks(chunk) & !stamp.cut.emptied(chunk);
         let placed = stamp.placed;
-        *stamp.budget -= 1;
         if live == 0 {
             return;
         }
@@ -252,9 +261,6 @@ impl<L: Lanes> Kernel<L> {
             scratch.tasks[kept % BRICKS_PER_CHUNK] = task;
             kept += usize::from(task.full | task.near != 0);
         }
-        if kept == 0 {
-            return;
-        }
         for n in 0..kept {
             self.write(stamp, scratch, chunk, n);
         }
@@ -270,7 +276,6 @@ impl<L: Lanes> Kernel<L> {
         (chunk, coord): (usize, [usize; 3]),
     ) {
         let mut bricks = stamp.bone.bony_bricks(chunk) & !stamp.cut.emptied(chunk);
-        *stamp.budget -= 1;
         if bricks == 0 || !sampled.reaches(coord) {
             return;
         }
@@ -285,9 +290,13 @@ impl<L: Lanes> Kernel<L> {
             let [full, mut near] = match sampled.brick(first) {
                 Box3::Skip => continue,
                 Box3::Fill => [live, 0],
-                Box3::Look => sampled.lines(first, live),
+                Box3::Look => {
+                    *stamp.budget -= SORT_WORK;
+                    sampled.lines(first, live)
+                }
             };
-            *stamp.budget -= i64::from((full | near).count_ones());
+            *stamp.budget -=
+                i64::from(full.count_ones()) + SAMPLE_WORK * i64::from(near.count_ones());
             if full | near == 0 {
                 continue;
             }

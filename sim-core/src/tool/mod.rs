@@ -127,6 +127,24 @@ impl Shape {
             .fold(0.0, f64::max)
     }
 
+    /// How far beyond the head's box its distance can be below the band of `grid`, mm: the band, what any
+    /// face is grown, and below a cone's point the band over the sine of its half angle (at most forty
+    /// bands: such a needle's far field may miss chunks, which saturate anyway).
+    pub fn margin_mm(&self, grid: &Grid) -> f64 {
+        let band = grid.band_mm();
+        let Self::Revolved(solid) = self else {
+            return band;
+        };
+        let square = grid.mean_square_spacing();
+        let faces = solid.parts.iter().flat_map(|part| &part.faces);
+        faces.fold(band, |most, face| match face.form {
+            revolved::Form::Cone { normal_z, .. } if normal_z != 0.0 => {
+                most.max(band * (1.0 / f64::from(normal_z.abs())).min(40.0))
+            }
+            form => most.max(band + form.grown_mm(square)),
+        })
+    }
+
     /// Outline as (r, z) points in mm from the apex upwards, at most [`OUTLINE_POINTS`]: what a
     /// viewer turns on a lathe.
     pub fn outline(&self) -> Vec<[f32; 2]> {

@@ -319,7 +319,8 @@ impl SdfGrid {
         self.surface_rms_mm = rms;
     }
 
-    /// The same nearer to the surface than [`BAND_MM`], where a value is a mean over one cell.
+    /// Bound on how far a value lies from the distance that it samples, mm, nearer to the surface than
+    /// [`BAND_MM`], where it is a mean over one cell ([`Self::slack_mm`] holds farther away too).
     pub fn near_slack_mm(&self) -> f32 {
         0.8661 * self.spacing_mm + UNIT_MM
     }
