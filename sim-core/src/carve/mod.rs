@@ -6,7 +6,7 @@
 //! computed, 32 voxels at a time. So the cost follows the swept surface.
 //!
 //! **A stored value** is a function of the tool's pose, the brick and the voxel alone: neither the
-//! vector unit, nor the order of work, nor what was skipped changes a bit of it ([`placed`] has the
+//! vector unit, nor the order of work, nor what was skipped changes a bit of it (`placed.rs` has the
 //! formula). So servo, publisher and replay hold the same cut.
 
 mod bounds;
