@@ -8,9 +8,9 @@ use crate::carve::{CarveStep, Carving, Progress, Work};
 use crate::cut::Cut;
 use crate::tool::Tool;
 
-/// Units of work ([`Carving::carve_some`]: one is a line of voxels written) that a tick may carve: about
-/// 0.6 ms in the portable code, far less on vector units. The last chunk begun may overdraw it, by 1,108
-/// units at most (a tool of triangles by ten times that).
+/// Units of work ([`Carving::carve_some`]: one is a line of voxels written) that a tick may carve: a bound
+/// on the work, not on the time. The last chunk begun may overdraw it, by 1,108 units at most
+/// (a tool of triangles by ten times that).
 pub const TICK_WORK: i64 = 12_288;
 
 /// What is left of a step, and of the tick's budget.

@@ -86,7 +86,7 @@ impl Grid {
         (k * self.dims[1] + j) * self.dims[0] + i
     }
 
-    /// The band: the cell's diagonal, mm. Both distance fields saturate at ± this value; every
+    /// The band: the diagonal of a cell (the box between eight neighbouring voxels), mm. Both distance fields saturate at ± this value; every
     /// cell that the surface crosses has all its eight corners inside the band.
     pub fn band_mm(&self) -> f64 {
         self.spacing_mm.length()

@@ -164,7 +164,7 @@ fn chunk_sizes(
             "Table {number}: static event over the chunk's size, {}",
             kit.tool.name
         ),
-        "Chunks here: blocks of N³ voxels with bone in the tool's box. Ours skips bricks and cells inside its chunks, so a chunk is not what its time is made of.",
+        "Chunks here: blocks of N³ voxels with bone in the tool's box. Ours skips bricks and lines inside its chunks, so a chunk is not what its time is made of.",
         &[
             "method",
             "chunk",
