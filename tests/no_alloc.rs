@@ -71,6 +71,8 @@ fn sample(tick: u32, z: f64) -> Sample {
         buttons: 0,
         drive_active: true,
         docked: false,
+        applied: [0; 3],
+        ack_age: 0,
     }
 }
 

@@ -16,6 +16,7 @@ pub mod carve;
 pub mod chain;
 pub mod contact;
 pub mod cut;
+pub mod feel;
 pub mod grid;
 mod lanes;
 pub mod merge;

@@ -45,6 +45,10 @@ pub struct Sample {
     pub drive_active: bool,
     /// Whether the stylus rests in its dock.
     pub docked: bool,
+    /// Joint torques in force from this sample on, DAC counts, as the device reports them.
+    pub applied: [i16; 3],
+    /// Ticks since the command was made that the device last acknowledged; 0 where none was.
+    pub ack_age: u8,
 }
 
 /// What a person may ask for.

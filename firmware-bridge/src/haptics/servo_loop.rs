@@ -179,7 +179,7 @@ pub(super) fn one_beat(
     if fresh.is_some_and(|s| matches!(s.drive, DriveState::Boot | DriveState::Unhomed)) {
         return Err(Ending::Restarted);
     }
-    let sample = fresh.map(|state| sample_of(&state));
+    let sample = fresh.map(|state| sample_of(&state, beat.command_seq));
     let epoch_before = thread.servo.cut().epoch();
     let output = thread.servo.tick(sample.as_ref(), &requests[..count]);
     if thread.panic_at_tick == Some(beat.tick) {
@@ -264,7 +264,13 @@ fn acknowledge(beat: &mut Beat, state: &StateFrame, now: u64) -> Option<u64> {
     (recent && sent != 0).then(|| now.saturating_sub(sent))
 }
 
-fn sample_of(state: &StateFrame) -> Sample {
+/// `last_seq`: of the newest command that was sent, one tick ago.
+fn sample_of(state: &StateFrame, last_seq: u16) -> Sample {
+    let behind = last_seq.wrapping_sub(state.ack);
+    let ack_age = match (state.ack, u8::try_from(behind)) {
+        (1.., Ok(behind)) => behind.saturating_add(1),
+        _ => 0,
+    };
     Sample {
         time_micros: state.time_micros,
         encoders: state.encoders,
@@ -272,6 +278,8 @@ fn sample_of(state: &StateFrame) -> Sample {
         buttons: state.switches & (switch::BUTTON_1 | switch::BUTTON_2),
         drive_active: matches!(state.drive, DriveState::Active | DriveState::Hold),
         docked: state.switches & switch::DOCKED != 0,
+        applied: state.applied,
+        ack_age,
     }
 }
 

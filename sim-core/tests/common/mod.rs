@@ -127,6 +127,8 @@ impl Rig {
             buttons: 0,
             drive_active: self.active,
             docked: false,
+            applied: [0; 3],
+            ack_age: 0,
         }
     }
 
