@@ -22,7 +22,7 @@ use crate::tools::{self, Detail, LoadedTools};
 use anyhow::{Context as _, anyhow, bail};
 use osteon_protocol::ipc::{Digest, ToViewer, ToolInfo};
 use osteon_protocol::ipc_frame::clip;
-use osteon_sim_core::contact::ContactConfig;
+use osteon_sim_core::feel::Feel;
 use osteon_sim_core::register::bone_from_base;
 use osteon_sim_core::servo::{DeviceScale, Servo, ServoSetup};
 use osteon_sim_core::tool::Tool;
@@ -87,8 +87,8 @@ fn with_listener(
     let link_name = clip(&link.describe()).to_owned();
     let (record_in, record_out) = rtrb::RingBuffer::new(RING_RECORDS);
     let (request_in, request_out) = rtrb::RingBuffer::new(64);
-    let contact = ContactConfig::default();
-    let servo = make_servo(args, scene, tools, &link, contact)?;
+    let feel = Feel::default();
+    let servo = make_servo(args, scene, tools, &link, &feel)?;
     let mut publisher = Publisher {
         mirror: Mirror::new(Arc::clone(&scene.bone), tools.to_vec()),
         stats: Stats::new(),
@@ -97,7 +97,7 @@ fn with_listener(
         listener,
         scene: Arc::new(wire_scene(scene, tools, args.force_limit)),
         plan_from_bone: scene.bone_from_plan.inverse(),
-        force_scale: contact.force_scale,
+        force_scale: feel.force_scale,
         link_name: link_name.clone(),
         pose_log,
         clients: Vec::new(),
@@ -150,7 +150,7 @@ fn make_servo(
     scene: &Scene,
     tools: &[Tool],
     link: &dyn DeviceLink,
-    contact: ContactConfig,
+    feel: &Feel,
 ) -> anyhow::Result<Servo> {
     let info = link.info();
     if info.model != 1 {
@@ -172,7 +172,7 @@ fn make_servo(
             nmm_per_count: f64::from(info.micro_nm_per_count) * 1e-3,
         },
         force_limit_n: args.force_limit,
-        contact,
+        feel: *feel,
     };
     Servo::new(setup).ok_or_else(|| anyhow!("no tools, or too many"))
 }
