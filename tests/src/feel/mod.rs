@@ -1,0 +1,3 @@
+//! The force loop on the bench: cases, measures, and what peers do.
+
+pub mod tick;
