@@ -7,6 +7,7 @@
 )]
 
 pub mod baselines;
+pub mod feel;
 pub mod measure;
 pub mod report;
 pub mod scenes;
