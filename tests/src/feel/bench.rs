@@ -224,9 +224,7 @@ impl Bench {
                 Answer {
                     torque: output.torque,
                     force_in_base: self.base_from_bone.vector(output.force_n),
-                    proxy_in_base: self
-                        .base_from_bone
-                        .point(output.bone_from_tool.translation),
+                    proxy_in_base: self.base_from_bone.point(output.bone_from_tool.translation),
                 }
             }
             Control::Wall(wall) => {

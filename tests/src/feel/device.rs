@@ -85,7 +85,10 @@ impl Device {
     /// Torque in force, N·mm.
     pub fn torque_nmm(&self) -> DVec3 {
         if self.drive_active {
-            DVec3::from_array(self.in_force.map(|n| f64::from(n) * self.scale.nmm_per_count))
+            DVec3::from_array(
+                self.in_force
+                    .map(|n| f64::from(n) * self.scale.nmm_per_count),
+            )
         } else {
             DVec3::ZERO
         }

@@ -7,17 +7,23 @@
 use super::bench::Bench;
 use super::hand::Hand;
 use super::plant::PlantSpec;
-use super::press::{self, PUSH_N};
+use super::press;
 use super::setup::{GUARDS_OBEY_FEEL, Spec};
 use super::trace::{Record, swing_mm};
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Range of the search, N/mm.
-const RANGE: [f64; 2] = [0.01, 6.0];
-/// Halvings of the search in the logarithm: 640 : 1 becomes 1 %.
-const HALVINGS: u32 = 10;
+/// Range of the search for a press, N/mm: below it the press goes deeper than the workspace.
+pub const PRESS_RANGE: [f64; 2] = [0.04, 6.0];
+/// Range of the search for a small swing, N/mm.
+const SWING_RANGE: [f64; 2] = [0.01, 6.0];
+/// Steady push under a small swing, N: deep enough to stay in contact.
+const SWING_PUSH_N: f64 = 0.4;
+/// Ratio of the search's first steps.
+const STRIDE: f64 = 1.5;
+/// Halvings in the logarithm after them: 1 %.
+const HALVINGS: u32 = 5;
 /// Longest time that a press is given to settle, s.
 const PRESS_S: f64 = 10.0;
 /// Tick, s.
@@ -60,16 +66,28 @@ pub fn delay_law_n_per_m(damping: f64, delay_ticks: usize) -> f64 {
     damping / (TICK_S * (0.5 + delay_ticks as f64))
 }
 
-/// The largest value in [`RANGE`] for which `holds`, as far as bisection finds it; 0 where not even
-/// the smallest does.
-pub fn largest(holds: impl Fn(f64) -> bool) -> f64 {
-    let [mut lo, mut hi] = RANGE;
-    if holds(hi) {
-        return hi;
+/// The value in a range up to which `holds`, from the first one of the search's steps that holds on; 0
+/// where none does.
+pub fn largest([first, last]: [f64; 2], holds: impl Fn(f64) -> bool) -> f64 {
+    let mut lo = None;
+    let mut hi = first;
+    loop {
+        let held = holds(hi);
+        if held && hi >= last {
+            return hi;
+        }
+        if !held && let Some(lo) = lo {
+            return refined(lo, hi, holds);
+        }
+        if !held && hi >= last {
+            return 0.0;
+        }
+        lo = held.then_some(hi);
+        hi = (hi * STRIDE).min(last);
     }
-    if !holds(lo) {
-        return 0.0;
-    }
+}
+
+fn refined(mut lo: f64, mut hi: f64, holds: impl Fn(f64) -> bool) -> f64 {
     for _ in 0..HALVINGS {
         let middle = (lo * hi).sqrt();
         if holds(middle) {
@@ -104,7 +122,9 @@ fn places() -> Vec<(Hand, usize, bool)> {
 /// One place of the map on a specification.
 pub fn place(base: &Spec, hand: Hand, delay_ticks: usize, guard: bool) -> MapRow {
     let spec = base.clone().with(hand, delay_ticks).guarded(guard);
-    let k_max = largest(|k| press::settled(&press::pressed(&spec.clone().stiff(k), PRESS_S)));
+    let k_max = largest(PRESS_RANGE, |k| {
+        press::settled(&press::pressed(&spec.clone().stiff(k), PRESS_S))
+    });
     let own = spec.plant.viscous_n_s_per_m + hand.damping_n_s_per_m;
     let added = spec.feel.guard.damping_n_s_per_mm * 1e3;
     MapRow {
@@ -153,18 +173,18 @@ pub fn swings(stiffnesses: &[f64]) -> Vec<SwingRow> {
 /// The stiffness, N/m, at which a small swing about the press begins to grow, without Coulomb
 /// friction and quantisation; `make` gives the loop of a specification.
 pub fn onset_n_per_m(base: &Spec, make: impl Fn(&Spec) -> Bench) -> f64 {
-    1e3 * largest(|k| growth(base, k, &make) <= 1.0)
+    1e3 * largest(SWING_RANGE, |k| decays(base, k, &make))
 }
 
-/// By how much a small swing about the press grows in three seconds.
-fn growth(base: &Spec, stiffness_n_per_mm: f64, make: impl Fn(&Spec) -> Bench) -> f64 {
+/// Whether a small swing about the press is smaller three seconds later.
+fn decays(base: &Spec, stiffness_n_per_mm: f64, make: impl Fn(&Spec) -> Bench) -> bool {
     let spec = base.clone().stiff(stiffness_n_per_mm);
     let mut bench = make(&spec);
-    let depth = PUSH_N / stiffness_n_per_mm;
+    let depth = SWING_PUSH_N / stiffness_n_per_mm;
     bench.run_in();
     bench.glide(DVec3::Z * -depth, 100.0);
     bench.rest(0.1);
-    bench.pull.push_n = DVec3::Z * -PUSH_N;
+    bench.pull.push_n = DVec3::Z * -SWING_PUSH_N;
     // a tenth of the depth, so that contact is never lost
     let omega = (stiffness_n_per_mm * 1e3 / spec.plant.mass_kg).sqrt();
     bench.plant.velocity_mm_s = DVec3::Z * (0.1 * depth * omega);
@@ -172,7 +192,9 @@ fn growth(base: &Spec, stiffness_n_per_mm: f64, make: impl Fn(&Spec) -> Bench) -
     let start = bench.device.time_s();
     bench.run(4.5);
     let early = spread(bench.trace.between(start + 0.5, start + 1.5));
-    spread(bench.trace.between(start + 3.5, start + 4.5)) / early
+    let late = spread(bench.trace.between(start + 3.5, start + 4.5));
+    // a swing that is gone leaves rounding, which neither grows nor decays
+    late < 1e-4 * depth || (late < early && late < 0.1 * depth)
 }
 
 /// Standard deviation of the height, mm.

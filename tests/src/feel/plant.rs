@@ -80,7 +80,11 @@ impl Plant {
     /// Force of joint torques (N·mm) at the stylus, N.
     pub fn force_of(&self, torque_nmm: DVec3) -> DVec3 {
         let force = omni::jacobian(self.joints).transpose().inverse() * torque_nmm;
-        if force.is_finite() { force } else { DVec3::ZERO }
+        if force.is_finite() {
+            force
+        } else {
+            DVec3::ZERO
+        }
     }
 
     /// One step of `dt_s` under joint torques (N·mm) and a hand. Semi-implicit; both frictions are
@@ -95,7 +99,11 @@ impl Plant {
             self.velocity_mm_s + (motors + pull.push_n + spring + dragged) * (1e3 * per_mass);
         let speed = wish.length();
         let held = 1e3 * per_mass * self.spec.coulomb_n;
-        let share = if speed > held { 1.0 - held / speed } else { 0.0 };
+        let share = if speed > held {
+            1.0 - held / speed
+        } else {
+            0.0
+        };
         let viscous = self.spec.viscous_n_s_per_m + hand.damping_n_s_per_m;
         self.velocity_mm_s = wish * (share / (1.0 + per_mass * viscous));
         self.go(self.velocity_mm_s * dt_s, motors);

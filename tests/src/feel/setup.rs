@@ -91,9 +91,7 @@ pub fn bone_of(
         clippy::cast_sign_loss,
         reason = "a lattice of some hundred voxels"
     )]
-    let dims = (extent_mm / spacing_mm)
-        .to_array()
-        .map(|n| n as usize + 1);
+    let dims = (extent_mm / spacing_mm).to_array().map(|n| n as usize + 1);
     let grid = Grid::new(dims, spacing_mm).expect("a valid lattice");
     let mut solid = vec![0.0f32; grid.len()];
     for k in 0..dims[2] {
