@@ -1,7 +1,7 @@
 //! The stiffness map: the stiffest coupling that a press bears, and how much a stiffer one swings.
 //!
-//! Laws beside it, with T the tick and t_d the delay: Colgate and Schenkel's b > K T/2 for a loop
-//! without delay, and b + B > K (T/2 + t_d) with delay t_d and damping B of the servo's own. Both are
+//! Laws beside it, with T the tick and D the delay: Colgate and Schenkel's b > K T/2 for a loop
+//! without delay, and b + B > K (T/2 + D) with delay D and damping B of the servo's own. Both are
 //! for a linear loop: Coulomb friction and quantisation are what lifts or lowers the measured limit.
 
 use super::bench::Bench;
@@ -40,7 +40,7 @@ pub struct MapRow {
     pub guard: bool,
     /// Stiffest coupling whose press settles, N/m; the search's upper end where that settles too.
     pub k_max_n_per_m: f64,
-    /// (b + B) / (T/2 + t_d), N/m.
+    /// (b + B) / (T/2 + D), N/m.
     pub law_n_per_m: f64,
     /// Colgate's 2 b / T, N/m, which knows no delay.
     pub colgate_n_per_m: f64,

@@ -12,6 +12,7 @@ pub mod map;
 pub mod peers;
 pub mod plant;
 pub mod press;
+pub mod ripple;
 pub mod setup;
 pub mod trace;
 pub mod wall;

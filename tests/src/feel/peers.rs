@@ -2,9 +2,9 @@
 //! used), so that ours can be measured beside them.
 //!
 //! * Removal of the first N voxels of a tick ([`capped`]): CHAI3D's drilling demo removes one a tick,
-//!   volumetric_drilling (on AMBF) ten of a 6 mm burr. How fast bone goes depends on the loop's rate, and
+//!   `volumetric_drilling` (on AMBF) ten of a 6 mm burr. How fast bone goes depends on the loop's rate, and
 //!   since the first are the first in memory, bone goes on one side first.
-//! * Contact of points with voxels that are full or empty ([`tangent`]): VPS's tangent planes (McNeely,
+//! * Contact of points with voxels that are full or empty ([`tangent`]): VPS's tangent planes (`McNeely`,
 //!   Puterbaugh and Troy 1999). The force jumps at the voxels' borders.
 //! * A pure penalty ([`plate_crossed_n`]): no memory of the side, so a thin plate lets through.
 

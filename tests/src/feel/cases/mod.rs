@@ -25,8 +25,11 @@ pub struct Case {
     pub pass: bool,
 }
 
+/// Measures a case.
+pub type Measure = fn() -> Case;
+
 /// Every case with its number, in order.
-pub const CASES: &[(u8, fn() -> Case)] = &[
+pub const CASES: &[(u8, Measure)] = &[
     (1, press::still),
     (2, press::bad_device),
     (3, press::onset),
@@ -54,8 +57,7 @@ struct Worst {
 impl Worst {
     /// Notes a figure; `place` is only made where it is the worst so far.
     fn note(&mut self, value: f64, place: impl Fn() -> String) {
-        let worse = !(value <= self.value);
-        if worse || self.place.is_empty() {
+        if value.is_nan() || value > self.value || self.place.is_empty() {
             self.value = value;
             self.place = place();
         }

@@ -9,6 +9,7 @@ use super::super::setup::{GUARDS_OBEY_FEEL, Spec};
 use super::super::trace::{force_swing_n, swing_mm};
 use super::{Case, Worst};
 use rayon::prelude::*;
+use serde::Serialize;
 
 /// Hands and delays that a press is tried with.
 pub(super) fn holds() -> Vec<(Hand, usize)> {
@@ -26,6 +27,30 @@ fn all_pressed(spec: &Spec) -> Vec<((Hand, usize), Bench)> {
     let all = holds().into_par_iter();
     all.map(|hold| (hold, pressed(&spec.clone().with(hold.0, hold.1), 10.0)))
         .collect()
+}
+
+/// Energy of a press.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EnergyRow {
+    /// Who holds the device.
+    pub hand: &'static str,
+    /// From a sample to its command in force.
+    pub delay_ticks: usize,
+    /// Energy that the motors took in 10 s from the touch on, mJ; negative: they gave some.
+    pub absorbed_mj: f64,
+    /// The least of that account, mJ.
+    pub least_absorbed_mj: f64,
+}
+
+/// Energy of presses with every hand and delay.
+pub fn energies(spec: &Spec) -> Vec<EnergyRow> {
+    let row = |((hand, delay_ticks), bench): ((Hand, usize), Bench)| EnergyRow {
+        hand: hand.name,
+        delay_ticks,
+        absorbed_mj: bench.plant.absorbed_mj,
+        least_absorbed_mj: bench.trace.least_absorbed_mj(),
+    };
+    all_pressed(spec).into_iter().map(row).collect()
 }
 
 /// Case 1.

@@ -104,7 +104,6 @@ mod tests {
         for voxel in [1.0, 0.5] {
             for tilt in [7.0, 20.0, 35.26] {
                 let row = slide(voxel, tilt);
-                println!("{row:?}");
                 assert!(row.ripple_rms > 0.01, "{row:?}");
             }
         }
