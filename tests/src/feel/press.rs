@@ -11,6 +11,8 @@ pub const PUSH_N: f64 = 0.9;
 pub const ENTRY_MM_S: f64 = 100.0;
 /// A press that swings less than twice the encoders' step has settled, mm.
 pub const SETTLED_MM: f64 = 0.11;
+/// The face bears the push up to this, N: Coulomb friction and the servo's damping.
+const BORNE_N: f64 = 0.15;
 /// Height above the face at which the hand takes over, mm.
 const HANDOVER_MM: f64 = 0.02;
 
@@ -53,7 +55,15 @@ fn after(spec: &Spec, mut bench: Bench, seconds: f64) -> Bench {
     bench
 }
 
-/// Whether the last second of a press is still.
+/// Whether the face bore the push in the last second: a press that fell through is still, too.
+pub fn borne(bench: &Bench) -> bool {
+    let last = bench.trace.last(1.0);
+    let force: f64 = last.iter().map(|r| r.force_n.z).sum();
+    let mean = force / last.len().max(1) as f64;
+    bench.plant.stops == 0 && (mean - PUSH_N).abs() <= BORNE_N
+}
+
+/// Whether the last second of a press is still, and the push borne.
 pub fn settled(bench: &Bench) -> bool {
-    bench.plant.stops == 0 && swing_mm(bench.trace.last(1.0)) <= SETTLED_MM
+    borne(bench) && swing_mm(bench.trace.last(1.0)) <= SETTLED_MM
 }

@@ -77,7 +77,7 @@ pub fn slide(voxel_mm: f64, tilt_deg: f64) -> RippleRow {
         .iter()
         .fold((f64::MAX, f64::MIN), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
     RippleRow {
-        rule: "tangent planes on binary voxels".to_owned(),
+        rule: "binary voxels".to_owned(),
         voxel_mm,
         tilt_deg,
         mean_over_exact: mean * binary.len() as f64 / exact,

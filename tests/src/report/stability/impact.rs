@@ -95,6 +95,7 @@ fn gaps_table(rows: &[GapRow]) -> Table {
             "left at its end N",
             "ramp",
             "swing afterwards mm",
+            "borne afterwards",
             "least absorbed mJ",
         ],
     );
@@ -106,6 +107,7 @@ fn gaps_table(rows: &[GapRow]) -> Table {
             short(Some(row.left_n)),
             short(Some(row.ramp_share)),
             short(Some(row.after_mm)),
+            row.borne.to_string(),
             short(Some(row.least_absorbed_mj)),
         ]);
     }

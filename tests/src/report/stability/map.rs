@@ -4,6 +4,7 @@ use super::Output;
 use crate::feel::Hand;
 use crate::feel::map::{MapRow, SwingRow, delay_law_n_per_m, stiffness_map, swings};
 use crate::feel::plant::PlantSpec;
+use crate::feel::setup::GUARDS_OBEY_FEEL;
 use crate::report::plot::{Plot, Point, Scale};
 use crate::report::table::{Table, short};
 use anyhow::Result;
@@ -26,6 +27,15 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
     out.section("swing", &rows)?;
     out.plot(&swing_plot(&rows))
 }
+
+/// What "guards" are in these figures.
+const GUARDS_NOTE: &str = if GUARDS_OBEY_FEEL {
+    "Dashed: the delay law for each hand, without Coulomb friction. The default is 500 N/m. *Guards off*: damping, passivity, slew and \
+     heat limit off."
+} else {
+    "Dashed: the delay law for each hand, without Coulomb friction. The default is 500 N/m. *Guards on*: damping, clamp and slew, which \
+     cannot be turned off."
+};
 
 fn guard_words(guard: bool) -> &'static str {
     if guard { "guards on" } else { "guards off" }
@@ -63,7 +73,7 @@ fn limits_plot(rows: &[MapRow]) -> Plot {
     let mut plot = Plot::new(
         "stiffness_map",
         "Stiffest coupling whose press settles",
-        "Dashed: the delay law for each hand, without Coulomb friction. The default is 500 N/m.",
+        GUARDS_NOTE,
         ["delay, ticks", "stiffness, N/m"],
     )
     .on([Scale::Linear, Scale::Log]);
@@ -111,7 +121,11 @@ fn swing_plot(rows: &[SwingRow]) -> Plot {
         } else {
             0.0
         };
-        let label = format!("law, {name}");
+        let label = format!(
+            "law, {}{}",
+            row.delay_ticks,
+            if row.guard { " on" } else { " off" }
+        );
         if laws.iter().all(|(_, known)| *known != label) {
             laws.push((delay_law_n_per_m(own + added, row.delay_ticks), label));
         }
