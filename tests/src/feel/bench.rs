@@ -68,6 +68,15 @@ pub fn scrambled(n: u64) -> u64 {
     z ^ (z >> 31)
 }
 
+/// What went into a tick of the servo.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Input {
+    /// The sample, where one came.
+    pub sample: Option<Sample>,
+    /// What was asked for.
+    pub requests: Vec<Request>,
+}
+
 /// Who answers the samples.
 #[derive(Debug, Clone)]
 enum Control {
@@ -103,6 +112,8 @@ pub struct Bench {
     pub trace: Trace,
     /// The servo's last output.
     pub output: Option<TickOutput>,
+    /// Every input so far, where it is kept for a replay.
+    pub kept: Option<Vec<Input>>,
     control: Control,
     base_from_bone: Pose,
     ticks: u64,
@@ -134,6 +145,7 @@ impl Bench {
             requests: Vec::new(),
             trace: Trace::default(),
             output: None,
+            kept: None,
             control,
             base_from_bone: spec.scene.bone_from_base.inverse(),
             ticks: 0,
@@ -197,6 +209,12 @@ impl Bench {
             .device
             .sample(&self.plant, jump.map_or(0.0, |g| g.jump_mm));
         let sample = (!self.faults.drops(self.ticks)).then_some(sample);
+        if let Some(kept) = &mut self.kept {
+            kept.push(Input {
+                sample,
+                requests: self.requests.clone(),
+            });
+        }
         let answer = self.answer(sample.as_ref());
         self.device.command(answer.torque);
         self.record(&answer);

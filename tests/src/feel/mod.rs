@@ -4,6 +4,7 @@
 //! Base frame: z is the surface's outward normal, the origin lies on the surface. Millimetres, newtons,
 //! seconds; energies in mJ (= N·mm).
 
+pub mod ablation;
 pub mod bench;
 pub mod cases;
 pub mod device;
@@ -14,6 +15,7 @@ pub mod plant;
 pub mod press;
 pub mod ripple;
 pub mod setup;
+pub mod ticks;
 pub mod trace;
 pub mod wall;
 

@@ -48,6 +48,24 @@ fn the_same_run_gives_the_same_bits() {
 }
 
 #[test]
+fn kept_inputs_give_the_same_ticks_again() {
+    let spec = Spec::flat().with(Hand::LIGHT, 2);
+    let mut bench = Bench::new(&spec);
+    bench.kept = Some(Vec::new());
+    bench.faults.jitter_micros = 300;
+    bench.run_in();
+    press::meet(&mut bench, 100.0);
+    press::push(&mut bench, 0.9, 0.5, 100.0);
+    bench.run(0.5);
+    let mut servo = spec.servo();
+    let inputs = bench.kept.take().expect("inputs");
+    let outputs = inputs
+        .iter()
+        .map(|i| servo.tick(i.sample.as_ref(), &i.requests));
+    assert_eq!(outputs.last(), bench.output);
+}
+
+#[test]
 fn a_wall_without_a_servo_meets_the_delay_law() {
     for delay in [0, 1, 3] {
         let spec = map::linear(0.5, delay);

@@ -2,17 +2,20 @@
 //!
 //! All but the times is measured on a virtual clock: the same figures on every machine.
 
+mod ablation;
 mod impact;
 mod map;
 mod output;
 mod peers;
 mod ripple;
 mod soak;
+mod ticks;
 
 pub use output::Output;
 
 use super::table::Table;
 use crate::feel::CASES;
+use crate::feel::setup::GUARDS_OBEY_FEEL;
 use anyhow::{Context as _, Result};
 use clap::ValueEnum;
 use std::path::PathBuf;
@@ -45,15 +48,21 @@ pub enum Part {
     Ripple,
     /// Other programs' defects by their rule
     Peers,
+    /// What breaks without each guard
+    Ablation,
+    /// Time of a tick, elements against ripple
+    Ticks,
 }
 
 impl Part {
-    const ALL: [Self; 5] = [
+    const ALL: [Self; 7] = [
         Self::Cases,
         Self::Map,
         Self::Impact,
         Self::Ripple,
         Self::Peers,
+        Self::Ablation,
+        Self::Ticks,
     ];
 
     fn name(self) -> &'static str {
@@ -63,6 +72,8 @@ impl Part {
             Self::Impact => "impact",
             Self::Ripple => "ripple",
             Self::Peers => "peers",
+            Self::Ablation => "ablation",
+            Self::Ticks => "ticks",
         }
     }
 
@@ -73,6 +84,8 @@ impl Part {
             Self::Impact => impact::run(out),
             Self::Ripple => ripple::run(out),
             Self::Peers => peers::run(out),
+            Self::Ablation => ablation::run(out),
+            Self::Ticks => ticks::run(out),
         }
     }
 }
@@ -82,7 +95,11 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("making the folder {}", args.out.display()))?;
     let mut out = Output::new(args.out.clone());
-    let chosen = |part: &Part| args.only.is_empty() || args.only.contains(part);
+    let chosen = |part: &Part| {
+        // until the guards can be turned off there is nothing to compare
+        let measurable = GUARDS_OBEY_FEEL || *part != Part::Ablation;
+        measurable && (args.only.is_empty() || args.only.contains(part))
+    };
     let parts: Vec<Part> = Part::ALL.into_iter().filter(chosen).collect();
     let count = parts.len() + usize::from(args.soak);
     for (n, part) in parts.iter().enumerate() {

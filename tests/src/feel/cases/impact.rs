@@ -4,7 +4,7 @@ use super::super::bench::Bench;
 use super::super::hand::Hand;
 use super::super::press::meet;
 use super::super::setup::{Slab, Spec, ball};
-use super::super::trace::{force_swing_n, peak_force_n};
+use super::super::trace::{force_step_n, force_swing_n, peak_force_n};
 use super::{Case, Worst};
 use glam::DVec3;
 use osteon_sim_core::tool::Tool;
@@ -33,6 +33,8 @@ pub struct Tap {
     pub deepest_mm: f64,
     /// Largest force of the motors, N.
     pub peak_n: f64,
+    /// Largest change of it in a tick, N.
+    pub step_n: f64,
     /// Energy that the motors took from the device, mJ; negative: they gave some.
     pub absorbed_mj: f64,
     /// How the force swings from half a second after the touch on, N.
@@ -80,6 +82,7 @@ fn judge(bench: &Bench, mass_kg: f64, delay_ticks: usize) -> Tap {
         rebound_mm_s: after.iter().map(|r| r.velocity_mm_s.z).fold(0.0, f64::max),
         deepest_mm: deepest,
         peak_n: peak_force_n(after),
+        step_n: force_step_n(after),
         absorbed_mj: bench.plant.absorbed_mj,
         late_swing_n: force_swing_n(bench.trace.between(start + 0.5, f64::INFINITY)),
         proxy_lowest_mm: after.iter().map(|r| r.proxy_mm.z).fold(0.0, f64::min),
