@@ -89,8 +89,8 @@ impl OutputChain {
     }
 
     /// One tick with a fresh sample: the coupling's force and the stylus' velocity (backward
-    /// difference, mm/s) in, the force for the motors out.
-    pub fn step(&mut self, spring_n: DVec3, velocity_mm_s: DVec3) -> DVec3 {
+    /// difference, mm/s) in, the force for the motors out, which will be felt `delay_ticks` later.
+    pub fn step(&mut self, spring_n: DVec3, velocity_mm_s: DVec3, delay_ticks: u8) -> DVec3 {
         self.ramp = (self.ramp + self.tick_s / self.ramp_s).min(1.0);
         let limit = self.limit_n();
         let clean = self.finite(velocity_mm_s);
@@ -103,7 +103,8 @@ impl OutputChain {
         if force != DVec3::ZERO && self.velocity_mm_s.dot(clean) > 0.0 {
             force -= self.velocity_mm_s * self.guard.damping_n_s_per_mm;
         }
-        let (damped, acted) = self.passivity.damp(clean, self.tick_s, &self.guard);
+        let coming = (self.shown_n, f64::from(delay_ticks) * self.tick_s);
+        let (damped, acted) = self.passivity.damp(clean, coming, self.tick_s, &self.guard);
         force += damped;
         if acted {
             self.counts.note(Guard::Passivity);
@@ -206,7 +207,7 @@ mod tests {
     fn settled(limit: f64) -> OutputChain {
         let mut chain = OutputChain::new(limit, &Feel::default());
         for _ in 0..=1000 {
-            chain.step(DVec3::ZERO, DVec3::ZERO);
+            chain.step(DVec3::ZERO, DVec3::ZERO, 1);
         }
         chain
     }
@@ -217,7 +218,7 @@ mod tests {
         let asked = DVec3::new(30.0, 40.0, 0.0);
         let mut force = DVec3::ZERO;
         for _ in 0..20 {
-            let next = chain.step(asked, DVec3::ZERO);
+            let next = chain.step(asked, DVec3::ZERO, 1);
             assert!((next - force).length() <= SLEW + 1e-12);
             force = next;
         }
@@ -231,18 +232,18 @@ mod tests {
     fn falling_is_free_and_reversal_is_slewed() {
         let mut chain = settled(3.3);
         for _ in 0..20 {
-            chain.step(DVec3::X * 3.0, DVec3::ZERO);
+            chain.step(DVec3::X * 3.0, DVec3::ZERO, 1);
         }
-        let force = chain.step(DVec3::X * -3.0, DVec3::ZERO);
+        let force = chain.step(DVec3::X * -3.0, DVec3::ZERO, 1);
         assert!((force - DVec3::X * -0.5).length() < 1e-12, "{force}");
-        assert_eq!(chain.step(DVec3::ZERO, DVec3::ZERO), DVec3::ZERO);
+        assert_eq!(chain.step(DVec3::ZERO, DVec3::ZERO, 1), DVec3::ZERO);
     }
 
     #[test]
     fn missing_samples_hold_then_ramp_to_zero_by_twenty() {
         let mut chain = settled(3.3);
         for _ in 0..20 {
-            chain.step(DVec3::X, DVec3::ZERO);
+            chain.step(DVec3::X, DVec3::ZERO, 1);
         }
         for missing in 1..=5 {
             assert_eq!(chain.hold(missing), DVec3::X);
@@ -255,7 +256,7 @@ mod tests {
         }
         assert_eq!(chain.hold(20), DVec3::ZERO);
         // and back only over the gap ramp
-        let first = chain.step(DVec3::X * 3.0, DVec3::ZERO).x;
+        let first = chain.step(DVec3::X * 3.0, DVec3::ZERO, 1).x;
         assert!(first <= 3.3 / 50.0 + 1e-12, "{first}");
     }
 
@@ -264,10 +265,10 @@ mod tests {
         for gap in [6, 12, 19] {
             let mut chain = settled(3.3);
             for _ in 0..20 {
-                chain.step(DVec3::X * 3.3, DVec3::ZERO);
+                chain.step(DVec3::X * 3.3, DVec3::ZERO, 1);
             }
             let shown = (1..=gap).map(|n| chain.hold(n)).last().expect("a gap");
-            let next = chain.step(DVec3::X * 3.3, DVec3::ZERO);
+            let next = chain.step(DVec3::X * 3.3, DVec3::ZERO, 1);
             let rise = next.x - shown.x;
             assert!(rise <= SLEW + 1e-12, "gap {gap}: {rise}");
         }
@@ -277,8 +278,8 @@ mod tests {
     fn a_nan_becomes_no_force_and_is_counted() {
         let mut chain = settled(3.3);
         chain.counts.begin_tick();
-        assert_eq!(chain.step(DVec3::NAN, DVec3::NAN), DVec3::ZERO);
+        assert_eq!(chain.step(DVec3::NAN, DVec3::NAN, 1), DVec3::ZERO);
         assert_eq!(chain.counts.of(Guard::NotFinite), 1);
-        assert!(chain.step(DVec3::X, DVec3::ZERO).is_finite());
+        assert!(chain.step(DVec3::X, DVec3::ZERO, 1).is_finite());
     }
 }

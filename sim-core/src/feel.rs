@@ -148,7 +148,7 @@ impl Default for Feel {
                 start_ramp_s: 1.0,
                 gap_ramp_s: 0.05,
                 vibration_n: 0.25,
-                acceleration_mm_ms2: 2.0,
+                acceleration_mm_ms2: 0.7,
             },
             force_scale: 0.03,
             motion_scale: 1.0,

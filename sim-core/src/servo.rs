@@ -146,7 +146,7 @@ impl Servo {
             self.spin();
             self.pass_gate(sample.docked);
             reaction = self.interact();
-            self.emit(&reaction, velocity, sample.drive_active, &mut buzz)
+            self.emit(&reaction, velocity, sample, &mut buzz)
         } else {
             self.missing = self.missing.saturating_add(1);
             self.chain.hold(self.missing)
@@ -379,15 +379,15 @@ impl Servo {
         &mut self,
         reaction: &Reaction,
         velocity: DVec3,
-        drive_active: bool,
+        sample: &Sample,
         buzz: &mut DVec3,
     ) -> DVec3 {
-        if !drive_active {
+        if !sample.drive_active {
             self.chain.disengage();
             return DVec3::ZERO;
         }
         let spring = self.workspace.base_from_bone(reaction.force_n);
-        let force = self.chain.step(spring, velocity);
+        let force = self.chain.step(spring, velocity, sample.ack_age.min(8));
         let tool = &self.setup.tools[usize::from(self.tool)];
         let feel = &self.setup.feel;
         let turning = (self.spindle.omega_rad_s(), tool.lips);

@@ -63,13 +63,22 @@ impl Passivity {
     }
 
     /// The controller's force, N, at a velocity in mm/s, and whether the loop had made energy beyond
-    /// what counting makes.
-    pub fn damp(&self, velocity_mm_s: DVec3, tick_s: f64, guard: &GuardFeel) -> (DVec3, bool) {
+    /// what counting makes. `shown_n` is the force that is on its way to the hand for `ahead_s` whatever
+    /// is decided now: what it will give is counted as given.
+    pub fn damp(
+        &self,
+        velocity_mm_s: DVec3,
+        (shown_n, ahead_s): (DVec3, f64),
+        tick_s: f64,
+        guard: &GuardFeel,
+    ) -> (DVec3, bool) {
         let speed2 = velocity_mm_s.length_squared();
-        if self.energy_mj >= 0.0 || !(speed2 > 0.0 && speed2.is_finite()) {
+        let coming = shown_n.dot(velocity_mm_s).max(0.0) * ahead_s;
+        let energy_mj = self.energy_mj - coming;
+        if energy_mj >= 0.0 || !(speed2 > 0.0 && speed2.is_finite()) {
             return (DVec3::ZERO, false);
         }
-        let damping = (-self.energy_mj / (tick_s * speed2)).min(guard.passivity_n_s_per_mm);
+        let damping = (-energy_mj / (tick_s * speed2)).min(guard.passivity_n_s_per_mm);
         let force = -velocity_mm_s * damping;
         let length = force.length();
         let force = if length > guard.passivity_n {
@@ -77,7 +86,7 @@ impl Passivity {
         } else {
             force
         };
-        let acted = force != DVec3::ZERO && self.energy_mj < TOLERANCE_MJ;
+        let acted = force != DVec3::ZERO && energy_mj < TOLERANCE_MJ;
         (force, acted)
     }
 }
@@ -114,13 +123,16 @@ mod tests {
         observer.observe(DVec3::X * 0.02, DVec3::ZERO);
         assert!((observer.energy_mj() + 0.02).abs() < 1e-12);
         let velocity = DVec3::X * 50.0;
-        let (force, acted) = observer.damp(velocity, 1e-3, &guard);
+        let (force, acted) = observer.damp(velocity, (DVec3::ZERO, 0.0), 1e-3, &guard);
         assert!(acted);
         // −W/(T v²) = 0.02/(1e-3 · 2500) = 8e-3 N·s/mm, below the limit
         assert!((force.x + 0.4).abs() < 1e-12, "{force}");
-        let (slow, _) = observer.damp(DVec3::X, 1e-3, &guard);
+        let (slow, _) = observer.damp(DVec3::X, (DVec3::ZERO, 0.0), 1e-3, &guard);
         assert!((slow.x + guard.passivity_n_s_per_mm).abs() < 1e-12);
-        let (fast, _) = observer.damp(DVec3::X * 1e-200, 1e-3, &guard);
+        // a push outwards at 50 mm/s for 2 ms gives another 0.1 mJ
+        let (coming, _) = observer.damp(velocity, (DVec3::X, 2e-3), 1e-3, &guard);
+        assert!((coming.x + 0.75).abs() < 1e-12, "{coming}");
+        let (fast, _) = observer.damp(DVec3::X * 1e-200, (DVec3::ZERO, 0.0), 1e-3, &guard);
         assert!(fast.is_finite());
     }
 

@@ -218,7 +218,7 @@ pub const FIELDS: &[Field] = &[
         "guard.acceleration_mm_ms2",
         "mm/ms2",
         [0.1, 100.0],
-        "2000 m/s2: no hand can do it, a broken encoder can",
+        "700 m/s2: no hand does it, and a jump of 1 mm in a sample is found",
         |feel| &mut feel.guard.acceleration_mm_ms2,
     ),
     field(
