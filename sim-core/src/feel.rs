@@ -141,7 +141,7 @@ impl Default for Feel {
                 damping_n_s_per_mm: 1e-3,
                 velocity_hz: 50.0,
                 passivity_n_s_per_mm: 15e-3,
-                passivity_n: 1.0,
+                passivity_n: 2.0,
                 rise_n_per_ms: 0.5,
                 continuous_n: 0.88,
                 thermal_s: 30.0,

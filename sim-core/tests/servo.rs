@@ -260,13 +260,29 @@ fn a_gap_in_mid_cut_costs_the_force_for_a_moment_and_no_more() {
     );
     let later = rig.rest(hand, 1000);
     assert!(later.removed_by_class[3] > after.removed_by_class[3]);
-    // a hand that is elsewhere after the gap begins anew
-    for _ in 0..25 {
-        rig.time_micros = rig.time_micros.wrapping_add(1000);
-        rig.servo.tick(None, &[]);
+}
+
+#[test]
+fn a_hand_that_is_elsewhere_after_a_gap_begins_anew() {
+    let top = 56.3;
+    let bone = slab(DVec3::new(30.0, 30.0, 60.0), DVec3::splat(0.5), top, 1.9);
+    let surface = DVec3::new(15.0, 15.0, top);
+    let mut rig = Rig::new(bone, surface);
+    rig.rest(surface + DVec3::Z * 10.0, 1100);
+    for (deeper, embedded) in [(30.0, false), (45.0, true)] {
+        rig.glide(surface + DVec3::Z * 10.0, surface - DVec3::Z * 2.0, 50.0);
+        for _ in 0..25 {
+            rig.time_micros = rig.time_micros.wrapping_add(1000);
+            rig.servo.tick(None, &[]);
+        }
+        let hand = surface - DVec3::Z * (2.0 + deeper);
+        let after = rig.tick_at(hand, &[]);
+        assert_eq!((after.embedded, after.carved_len), (embedded, 0));
+        // the proxy of a hand that it believes stays in front of the bone
+        let proxy = after.bone_from_tool.translation.z;
+        assert_eq!(proxy > top - 0.1, !embedded, "{proxy}");
+        rig.glide(hand, surface + DVec3::Z * 10.0, 200.0);
     }
-    let elsewhere = rig.tick_at(hand - DVec3::Z * 12.0, &[]);
-    assert!(elsewhere.embedded && elsewhere.carved_len == 0);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use glam::DVec3;
 /// Implausible samples in a row after which the new place is believed.
 const RESYNC_AFTER: u32 = 5;
 /// A hand that moved less than this during a gap goes on where it was, mm.
-const GAP_TRUST_MM: f64 = 10.0;
+const GAP_TRUST_MM: f64 = 40.0;
 /// Time that a button is deaf after an edge (contact bounce), s.
 const BUTTON_DEAF_S: f64 = 0.03;
 
