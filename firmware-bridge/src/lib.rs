@@ -12,6 +12,7 @@
 
 pub mod doctor;
 pub mod fake;
+pub mod feel;
 pub mod haptics;
 pub mod launcher;
 pub mod link;
