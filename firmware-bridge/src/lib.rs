@@ -16,6 +16,7 @@ pub mod feel;
 pub mod haptics;
 pub mod launcher;
 pub mod link;
+pub mod passage;
 pub mod progress;
 pub mod rt;
 pub mod scene;

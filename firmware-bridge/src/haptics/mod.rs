@@ -9,7 +9,7 @@ mod client;
 mod dirty;
 mod mirror;
 mod publisher;
-mod record;
+pub(crate) mod record;
 mod report;
 mod resync;
 mod servo_loop;

@@ -4,6 +4,7 @@ use super::publisher::{ViewerCounts, wire_digest};
 use super::stats::{Quantiles, Stats};
 use crate::feel::in_force;
 use crate::link::LinkStats;
+use crate::passage::Passage;
 use crate::scene::Scene;
 use osteon_protocol::ipc::Digest;
 use osteon_sim_core::cut::{Cut, CutDigest};
@@ -117,6 +118,8 @@ pub struct SessionReport {
     pub removed_centroid_lps_mm: Option<[f64; 3]>,
     /// Its distance from the planned axis, mm.
     pub removed_centroid_off_axis_mm: Option<f64>,
+    /// By tool and layer along the planned axis: time of the tip in it, force at the stylus.
+    pub passages: Vec<Passage>,
     /// Every parameter of the feel by its key, in the units of its table.
     pub feel: BTreeMap<&'static str, f64>,
     /// Largest force at the stylus, N.
@@ -143,6 +146,7 @@ pub(crate) struct Facts<'a> {
     pub tools: &'a [Tool],
     pub feel: &'a Feel,
     pub stats: &'a Stats,
+    pub passages: Vec<Passage>,
     pub servo_digest: CutDigest,
     /// The servo's, when it had stopped.
     pub cut: &'a Cut,
@@ -198,6 +202,7 @@ impl SessionReport {
                 .map(|c| facts.scene.bone.lps_from_bone().point(c).to_array()),
             removed_centroid_off_axis_mm: centroid
                 .map(|c| plan_from_bone.point(c).truncate().length()),
+            passages: facts.passages.clone(),
             feel: in_force(facts.feel),
             peak_force_n: stats.peak_force_n,
             guard_events: stats.last.map_or(0, |t| t.guard_events),

@@ -15,6 +15,7 @@ use super::stats::Stats;
 use super::{HapticsArgs, default_socket, socket};
 use crate::feel;
 use crate::link::{DeviceLink, OpenLink};
+use crate::passage::{Layers, Passages};
 use crate::progress::Progress;
 use crate::rt::{self, RtReport};
 use crate::scene::{self, Scene};
@@ -109,6 +110,11 @@ fn with_listener(
     let mut publisher = Publisher {
         mirror: Mirror::new(Arc::clone(&scene.bone), tools.to_vec()),
         stats: Stats::new(),
+        passages: Passages::new(
+            Layers::along(&scene.bone, &scene.bone_from_plan),
+            scene.bone_from_plan.inverse(),
+            tools.len(),
+        ),
         records: record_out,
         requests: request_in,
         listener,
@@ -300,6 +306,7 @@ fn finish(
         tools,
         feel,
         stats: &publisher.stats,
+        passages: publisher.passages.report(tools),
         servo_digest,
         cut: finished.servo.cut(),
         mirror_digest,

@@ -1,0 +1,108 @@
+//! The tissues that a planned axis goes through.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "lattice indices, checked against its edges, and a search of some thousand steps"
+)]
+
+use glam::DVec3;
+use osteon_sim_core::bone::Bone;
+use osteon_sim_core::pose::Pose;
+use osteon_sim_core::sample::density_hu;
+use osteon_sim_core::tissue::Tissue;
+
+/// A thicker layer is timed over its first so many mm, and ends the list.
+pub const TIMED_MM: f64 = 4.0;
+/// The search along the axis: from this far over the plan's origin to as far below it, mm …
+const REACH_MM: f64 = 40.0;
+/// … in steps of this, mm.
+const STEP_MM: f64 = 0.05;
+
+/// A tissue on the axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Layer {
+    /// Its class.
+    pub tissue: Tissue,
+    /// Where it begins, mm below the bone's surface on the axis.
+    pub from_mm: f64,
+    /// Where it ends, or where its timing ends.
+    pub to_mm: f64,
+}
+
+/// The layers along a planned axis, from the surface on; none where the axis meets no bone.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layers {
+    /// Height of the bone's surface on the axis over the plan's origin, mm.
+    pub surface_mm: f64,
+    /// Each begins where the one before ends. At most 4 mm of the last.
+    pub layers: Vec<Layer>,
+}
+
+impl Layers {
+    /// Goes down the plan's z axis through the uncut bone, to its other side or through the first
+    /// layer of at least [`TIMED_MM`]. Runs shorter than half a voxel belong to the layer above.
+    pub fn along(bone: &Bone, bone_from_plan: &Pose) -> Self {
+        let steps = (2.0 * REACH_MM / STEP_MM) as u32;
+        let thin = 0.5 * bone.grid().spacing_mm.min_element();
+        let mut surface_mm = 0.0;
+        let mut layers: Vec<Layer> = Vec::new();
+        for n in 0..steps {
+            let z = REACH_MM - STEP_MM * f64::from(n);
+            let Some(tissue) = tissue_at(bone, bone_from_plan.point(DVec3::Z * z)) else {
+                if layers.is_empty() {
+                    continue;
+                }
+                break;
+            };
+            if layers.is_empty() {
+                surface_mm = z;
+            }
+            let depth = surface_mm - z;
+            let same = |layer: &&mut Layer| layer.tissue == tissue || tissue == Tissue::Air;
+            if let Some(layer) = layers.last_mut().filter(same) {
+                layer.to_mm = depth + STEP_MM;
+            } else {
+                join_thin(&mut layers, thin);
+                layers.push(Layer {
+                    tissue,
+                    from_mm: depth,
+                    to_mm: depth + STEP_MM,
+                });
+            }
+            if let Some(layer) = layers.last_mut()
+                && layer.to_mm - layer.from_mm >= TIMED_MM
+            {
+                layer.to_mm = layer.from_mm + TIMED_MM;
+                break;
+            }
+        }
+        Self { surface_mm, layers }
+    }
+
+    /// Where the last layer ends, mm below the surface.
+    pub fn end_mm(&self) -> f64 {
+        self.layers.last().map_or(0.0, |layer| layer.to_mm)
+    }
+}
+
+/// A last layer that is too thin becomes a part of the one above it.
+fn join_thin(layers: &mut Vec<Layer>, thin: f64) {
+    let is_thin = |layer: &mut Layer| layer.to_mm - layer.from_mm < thin;
+    if layers.len() > 1
+        && let Some(gone) = layers.pop_if(is_thin)
+        && let Some(above) = layers.last_mut()
+    {
+        above.to_mm = gone.to_mm;
+    }
+}
+
+/// Tissue class of the nearest voxel; `None` outside the uncut bone.
+pub(super) fn tissue_at(bone: &Bone, p_in_bone: DVec3) -> Option<Tissue> {
+    density_hu(bone, p_in_bone)?;
+    let index = (p_in_bone / bone.grid().spacing_mm).round();
+    let most = bone.grid().dims.map(|n| n as f64 - 1.0);
+    let index = index.clamp(DVec3::ZERO, DVec3::from_array(most));
+    let (chunk, voxel) = bone.locate(index.to_array().map(|v| v as usize))?;
+    let class = bone.chunk(chunk).class[voxel];
+    Tissue::ALL.into_iter().find(|t| *t as u8 == class)
+}
