@@ -34,7 +34,7 @@ pub struct Layer {
 pub struct Layers {
     /// Height of the bone's surface on the axis over the plan's origin, mm.
     pub surface_mm: f64,
-    /// Each begins where the one before ends. At most 4 mm of the last.
+    /// Each begins where the one before ends, to about half a voxel. At most 4 mm of the last.
     pub layers: Vec<Layer>,
 }
 
@@ -57,22 +57,22 @@ impl Layers {
             if layers.is_empty() {
                 surface_mm = z;
             }
-            let depth = surface_mm - z;
+            let depth = hundredths(surface_mm - z);
             let same = |layer: &&mut Layer| layer.tissue == tissue || tissue == Tissue::Air;
             if let Some(layer) = layers.last_mut().filter(same) {
-                layer.to_mm = depth + STEP_MM;
+                layer.to_mm = hundredths(depth + STEP_MM);
             } else {
                 join_thin(&mut layers, thin);
                 layers.push(Layer {
                     tissue,
                     from_mm: depth,
-                    to_mm: depth + STEP_MM,
+                    to_mm: hundredths(depth + STEP_MM),
                 });
             }
             if let Some(layer) = layers.last_mut()
                 && layer.to_mm - layer.from_mm >= TIMED_MM
             {
-                layer.to_mm = layer.from_mm + TIMED_MM;
+                layer.to_mm = hundredths(layer.from_mm + TIMED_MM);
                 break;
             }
         }
@@ -83,6 +83,11 @@ impl Layers {
     pub fn end_mm(&self) -> f64 {
         self.layers.last().map_or(0.0, |layer| layer.to_mm)
     }
+}
+
+/// Sums of steps as people write them.
+fn hundredths(mm: f64) -> f64 {
+    (mm * 100.0).round() / 100.0
 }
 
 /// A last layer that is too thin becomes a part of the one above it.

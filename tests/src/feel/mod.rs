@@ -1,0 +1,3 @@
+//! Measures of the feel.
+
+pub mod force_table;
