@@ -159,7 +159,10 @@ impl Figures<'_> {
         );
         let time = match (self.0["seconds"].as_f64(), self.0["reached_mm"].as_f64()) {
             (Some(s), _) => format!("{s:.2} s"),
-            (None, Some(depth)) => format!("not passed: came to {depth:.2} mm"),
+            (None, Some(depth)) => {
+                let inside = self.number("/inside_s", 2);
+                format!("not passed in {inside} s, came to {depth:.2} mm")
+            }
             (None, None) => "not reached".to_owned(),
         };
         let expected = match self.0.get("expected_s") {

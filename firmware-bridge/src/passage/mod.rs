@@ -32,6 +32,8 @@ pub struct Passage {
     pub to_mm: f64,
     /// From the tip's entry to its exit, s; `None` where it was not passed.
     pub seconds: Option<f64>,
+    /// How long the tip has been in it, s; `None` where it was not entered.
+    pub inside_s: Option<f64>,
     /// How deep the tip came, mm below the bone's surface, this layer's end at most; `None` where it
     /// was not entered.
     pub reached_mm: Option<f64>,
@@ -154,6 +156,7 @@ impl Crossing {
             from_mm: layer.from_mm,
             to_mm: layer.to_mm,
             seconds: seconds.map(|(from, to)| (to - from) as f64 * 1e-3),
+            inside_s: entered.then(|| f64::from(self.ticks) * 1e-3),
             reached_mm: entered.then_some(self.deepest_mm),
             mean_force_n: entered.then(|| self.force_sum_n / f64::from(self.ticks.max(1))),
             peak_force_n: entered.then_some(self.peak_n),

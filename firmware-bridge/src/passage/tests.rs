@@ -154,6 +154,10 @@ fn a_stall_a_withdrawal_and_a_gap() {
     let stalled = report(&passages);
     assert_eq!((stalled[0].seconds, stalled[1].reached_mm), (None, None));
     assert_eq!(stalled[1].mean_force_n, None);
+    assert_eq!(
+        (stalled[0].inside_s, stalled[1].inside_s),
+        (Some(1.0), None)
+    );
     assert!((stalled[0].mean_force_n.expect("touched") - 0.3).abs() < 1e-9);
     // 500 periods that the servo skipped, then through at once
     let late = TickRecord {

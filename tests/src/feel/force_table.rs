@@ -112,8 +112,10 @@ pub fn compare(record: &Record, feel: &Feel) -> ForceRow {
     let stuff = match of_material(record) {
         Ok(stuff) => stuff,
         Err(why) => {
-            row.why = why.to_owned();
-            return row;
+            return ForceRow {
+                why: why.to_owned(),
+                ..row
+            };
         }
     };
     row.applicable = true;

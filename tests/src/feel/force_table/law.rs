@@ -30,7 +30,7 @@ pub struct Figures {
 }
 
 /// Thrust and torque of a drill whose point is wholly in bone of one density (g/cm³), by integration over
-/// the cone: with A = πR², u = u₁ρ², p = p₁ρ², c = 1 − r_min/2R and the point's half angle κ,
+/// the cone: with A = πR², u = u₁ρ², p = p₁ρ², c = 1 − r₀/2R (r₀ the smallest radius) and the point's half angle κ,
 ///
 /// F = A p + 2 A λ u v c sin κ/(ω R),  M = u A v/ω + μ p A (2R/3)/sin κ.
 ///
@@ -53,7 +53,7 @@ pub fn closed_form(feel: &Feel, tissue: Tissue, density: f64, drill: &Drill) -> 
 }
 
 /// The same from the surface elements of such a drill, as the contact solve has them: each element of
-/// area a, normal n and radius r adds a (p + λ u s/(ω max(r, r_min))) to the thrust along n, and
+/// area a, normal n and radius r adds a (p + λ u s/(ω max(r, r₀))) to the thrust along n, and
 /// a (u s/(ω r) + μ p) r to the torque, where s = v n·z is how fast it goes into bone.
 pub fn by_elements(feel: &Feel, tissue: Tissue, density: f64, drill: &Drill) -> Figures {
     let material = feel.materials[tissue as usize];

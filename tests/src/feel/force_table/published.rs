@@ -45,21 +45,19 @@ pub struct Record {
 impl Record {
     /// Process, material, tool, speed and feed in one line.
     pub fn what(&self) -> String {
-        let mut what = format!("{}, {}", self.process, self.material);
-        if !self.tool.is_empty() {
-            what += &format!(", {}", self.tool);
-        }
-        for (range, unit) in [(self.rpm, "rpm"), (self.feed_mm_s, "mm/s")] {
-            if let Some([lo, hi]) = range.map(|r| r.map(hundredths)) {
-                let one = (hi - lo).abs() < 1e-9;
-                what += &if one {
-                    format!(", {lo} {unit}")
-                } else {
-                    format!(", {lo} to {hi} {unit}")
-                };
-            }
-        }
-        what
+        let range = |range: Option<[f64; 2]>, unit: &str| {
+            let [lo, hi] = range?.map(hundredths);
+            Some(if (hi - lo).abs() < 1e-9 {
+                format!("{lo} {unit}")
+            } else {
+                format!("{lo} to {hi} {unit}")
+            })
+        };
+        let words = [&self.process, &self.material, &self.tool];
+        let words = words.into_iter().filter(|w| !w.is_empty()).cloned();
+        let ranges = [range(self.rpm, "rpm"), range(self.feed_mm_s, "mm/s")];
+        let all: Vec<String> = words.chain(ranges.into_iter().flatten()).collect();
+        all.join(", ")
     }
 }
 
