@@ -9,7 +9,8 @@ use glam::{DQuat, DVec3};
 use osteon_firmware_bridge::link::{DeviceLink as _, OpenLink};
 use osteon_firmware_bridge::scene::{SceneArgs, load};
 use osteon_protocol::device::{CommandFrame, DriveState};
-use osteon_sim_core::contact::ContactConfig;
+use osteon_sim_core::chain::Guard;
+use osteon_sim_core::feel::Feel;
 use osteon_sim_core::omni;
 use osteon_sim_core::register::bone_from_base;
 use osteon_sim_core::servo::{DeviceScale, Request, Sample, Servo, ServoSetup};
@@ -104,7 +105,7 @@ fn a_tick_allocates_nothing_whatever_it_does() {
         bone_from_plan: scene.bone_from_plan,
         device: DEVICE,
         force_limit_n: 3.3,
-        contact: ContactConfig::default(),
+        feel: Feel::default(),
     };
     let mut servo = Servo::new(setup).expect("tools");
     let before = COUNT.with(Cell::get);
@@ -129,7 +130,7 @@ fn a_tick_allocates_nothing_whatever_it_does() {
         carved[0] > 100 && carved[1] > 100,
         "both tools cut: {carved:?}"
     );
-    assert!(servo.guards().implausible > 0);
+    assert!(servo.guards().of(Guard::Implausible) > 0);
     assert_eq!(allocations, 0);
 }
 

@@ -15,7 +15,7 @@ pub const TICK_WORK: i64 = 12_288;
 
 /// What is left of a step, and of the tick's budget.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Carry {
+pub struct Carry {
     pending: Option<(CarveStep, Progress)>,
     granted: i64,
     left: i64,
@@ -23,34 +23,34 @@ pub(crate) struct Carry {
 
 impl Carry {
     /// A new tick: what it may spend.
-    pub(crate) fn grant(&mut self, units: i64) {
+    pub fn grant(&mut self, units: i64) {
         self.granted = units;
         self.left = units;
     }
 
     /// What the tick has spent so far.
-    pub(crate) fn spent(&self) -> u32 {
+    pub fn spent(&self) -> u32 {
         u32::try_from(self.granted - self.left).unwrap_or(u32::MAX)
     }
 
     /// Whether a step is not carved to its end. Until it is, none may [`Self::begin`].
-    pub(crate) fn is_pending(&self) -> bool {
+    pub fn is_pending(&self) -> bool {
         self.pending.is_some()
     }
 
     /// Drops what is left: the cut that it belonged to is gone.
-    pub(crate) fn forget(&mut self) {
+    pub fn forget(&mut self) {
         self.pending = None;
     }
 
     /// Takes up a step and carves it as far as the budget reaches.
-    pub(crate) fn begin(&mut self, bone: &Bone, cut: &mut Cut, tools: &[Tool], step: CarveStep) {
+    pub fn begin(&mut self, bone: &Bone, cut: &mut Cut, tools: &[Tool], step: CarveStep) {
         self.pending = Some((step, Progress::default()));
         self.go_on(bone, cut, tools);
     }
 
     /// Carves on as far as the budget reaches.
-    pub(crate) fn go_on(&mut self, bone: &Bone, cut: &mut Cut, tools: &[Tool]) {
+    pub fn go_on(&mut self, bone: &Bone, cut: &mut Cut, tools: &[Tool]) {
         let Some((step, progress)) = &mut self.pending else {
             return;
         };
@@ -72,7 +72,7 @@ impl Carry {
     }
 
     /// Carves to the end, whatever it costs.
-    pub(crate) fn finish(&mut self, bone: &Bone, cut: &mut Cut, tools: &[Tool]) {
+    pub fn finish(&mut self, bone: &Bone, cut: &mut Cut, tools: &[Tool]) {
         self.grant(i64::MAX);
         self.go_on(bone, cut, tools);
         self.grant(0);

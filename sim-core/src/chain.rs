@@ -1,141 +1,184 @@
 //! The output chain: from the coupling's force to what may reach the motors.
 //!
-//! Order: spring − damping → vector clamp → rising slew. The limit in force (ramp × user's limit) is
-//! also the saturation inside the contact solve. Every intervention is counted.
+//! Order: spring − damping → passivity → vector clamp → rising slew → vibration → vector clamp. The limit
+//! in force (ramp × the smaller of the user's and the motors' heat) is also the saturation inside the
+//! contact solve. Every intervention is counted.
 
+mod guards;
+mod passivity;
+mod thermal;
+
+pub use guards::{GUARDS, Guard, GuardCounts};
+pub use passivity::Passivity;
+pub use thermal::Thermal;
+
+use crate::feel::{Feel, GuardFeel};
 use glam::DVec3;
 
 /// Force limit of an Omni-class device, N.
 pub const FORCE_LIMIT_N: f64 = 3.3;
-/// Fastest rise of the force, N per tick.
-pub const SLEW_N_PER_TICK: f64 = 0.5;
-/// Damping of the hand against the proxy, N·s/mm.
-const DAMPING_N_S_PER_MM: f64 = 1.0e-3;
-/// Share of the new value in the 50 Hz velocity filter at 1 kHz (1 − exp(−2π·50/1000)).
-const FILTER_GAIN: f64 = 0.269_597;
-/// Ticks that the last force is held when samples are missing.
-pub const HOLD_TICKS: u32 = 5;
-/// Ticks without a sample after which the force is zero.
-pub const ZERO_TICKS: u32 = 20;
-/// Ramp after a start, ticks.
-pub const START_RAMP_TICKS: u32 = 1000;
-/// Ramp after a gap, ticks.
-pub const GAP_RAMP_TICKS: u32 = 50;
-
-/// Counts of what the chain had to do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct GuardCounts {
-    /// Ticks at the force limit.
-    pub clamped: u64,
-    /// Ticks in which the rise was slewed.
-    pub slewed: u64,
-    /// Values that were not finite and became zero.
-    pub not_finite: u64,
-    /// Samples refused as implausible.
-    pub implausible: u64,
-    /// Ticks in which samples were missing for so long that the force was reduced.
-    pub held: u64,
-}
-
-impl GuardCounts {
-    /// All interventions.
-    pub fn total(&self) -> u64 {
-        self.clamped + self.slewed + self.not_finite + self.implausible + self.held
-    }
-}
+/// The last force is held for this time when samples are missing, s.
+pub const HOLD_S: f64 = 0.005;
+/// Without a sample for this time the force is zero, s.
+pub const ZERO_S: f64 = 0.020;
 
 /// State of the output chain. Forces in the base frame, N.
 #[derive(Debug, Clone)]
 pub struct OutputChain {
     user_limit_n: f64,
+    guard: GuardFeel,
+    tick_s: f64,
+    // share of the new value in the velocity filter
+    filter_gain: f64,
     ramp: f64,
-    ramp_ticks: u32,
+    ramp_s: f64,
     velocity_mm_s: DVec3,
     // the last force that a sample gave
     last_n: DVec3,
-    // the last force that went out, smaller while samples are missing
+    // the last force that went out, smaller while samples are missing; without vibration
     shown_n: DVec3,
+    thermal: Thermal,
+    /// The energy account.
+    pub passivity: Passivity,
     /// What it had to do so far.
     pub counts: GuardCounts,
 }
 
 impl OutputChain {
     /// A chain that begins at zero. The user's limit is cut to [`FORCE_LIMIT_N`].
-    pub fn new(user_limit_n: f64) -> Self {
+    pub fn new(user_limit_n: f64, feel: &Feel) -> Self {
+        let guard = feel.guard;
+        let turns = core::f64::consts::TAU * guard.velocity_hz * feel.tick_s;
         Self {
             user_limit_n: user_limit_n.clamp(0.0, FORCE_LIMIT_N),
+            guard,
+            tick_s: feel.tick_s,
+            filter_gain: 1.0 - libm::exp(-turns),
             ramp: 0.0,
-            ramp_ticks: START_RAMP_TICKS,
+            ramp_s: guard.start_ramp_s,
             velocity_mm_s: DVec3::ZERO,
             last_n: DVec3::ZERO,
             shown_n: DVec3::ZERO,
+            thermal: Thermal::default(),
+            passivity: Passivity::default(),
             counts: GuardCounts::default(),
         }
     }
 
     /// The limit in force at this tick, N.
     pub fn limit_n(&self) -> f64 {
-        self.user_limit_n * self.ramp
+        self.thermal.limit_n(self.user_limit_n, &self.guard) * self.ramp
     }
 
-    /// Force off; the next one ramps up over `ramp_ticks`.
-    pub fn off(&mut self, ramp_ticks: u32) {
+    /// Force off; the next one ramps up over the gap's ramp.
+    pub fn off(&mut self) {
         self.ramp = 0.0;
-        self.ramp_ticks = ramp_ticks.max(1);
+        self.ramp_s = self.guard.gap_ramp_s;
         self.last_n = DVec3::ZERO;
         self.shown_n = DVec3::ZERO;
         self.velocity_mm_s = DVec3::ZERO;
+        self.passivity.reset();
+    }
+
+    /// Force off while the drive is not engaged. The first ramp of a session stays the long one.
+    pub fn disengage(&mut self) {
+        if self.ramp > 0.0 {
+            self.off();
+        }
+        self.passivity.reset();
     }
 
     /// One tick with a fresh sample: the coupling's force and the stylus' velocity (backward
     /// difference, mm/s) in, the force for the motors out.
     pub fn step(&mut self, spring_n: DVec3, velocity_mm_s: DVec3) -> DVec3 {
-        self.ramp = (self.ramp + 1.0 / f64::from(self.ramp_ticks)).min(1.0);
+        self.ramp = (self.ramp + self.tick_s / self.ramp_s).min(1.0);
         let limit = self.limit_n();
         let clean = self.finite(velocity_mm_s);
-        self.velocity_mm_s += (clean - self.velocity_mm_s) * FILTER_GAIN;
+        self.velocity_mm_s += (clean - self.velocity_mm_s) * self.filter_gain;
+        if self.velocity_mm_s.length_squared() < 1e-24 {
+            self.velocity_mm_s = DVec3::ZERO; // no denormals
+        }
         let mut force = self.finite(spring_n);
         // only against the motion, and only where there is contact
         if force != DVec3::ZERO && self.velocity_mm_s.dot(clean) > 0.0 {
-            force -= self.velocity_mm_s * DAMPING_N_S_PER_MM;
+            force -= self.velocity_mm_s * self.guard.damping_n_s_per_mm;
         }
-        let length = force.length();
-        if length > limit {
-            force *= limit / length;
-            self.counts.clamped += 1;
+        let (damped, acted) = self.passivity.damp(clean, self.tick_s, &self.guard);
+        force += damped;
+        if acted {
+            self.counts.note(Guard::Passivity);
         }
-        self.last_n = self.slew(force);
+        if self.thermal.is_hot(&self.guard) {
+            self.counts.note(Guard::Thermal);
+        }
+        self.last_n = self.clamp(force, limit);
+        self.last_n = self.slew(self.last_n);
         self.shown_n = self.last_n;
         self.last_n
     }
 
-    /// One tick without a sample, the `missing`-th in a row: hold ≤ 5 ticks, then a ramp that
-    /// reaches zero at tick 20.
+    /// The force with a vibration on top, N, clamped once more: what is shown, and heats. Call it once
+    /// after [`Self::step`].
+    pub fn vibrate(&mut self, force_n: DVec3, vibration_n: DVec3) -> DVec3 {
+        let vibration = self.finite(vibration_n);
+        let shown = self.clamp(force_n + vibration, self.limit_n());
+        self.thermal.heat(shown.length(), self.tick_s, &self.guard);
+        shown
+    }
+
+    /// One tick without a sample, the `missing`-th in a row: hold for [`HOLD_S`], then a ramp that
+    /// reaches zero at [`ZERO_S`].
     pub fn hold(&mut self, missing: u32) -> DVec3 {
-        if missing <= HOLD_TICKS {
+        let silent_s = f64::from(missing) * self.tick_s;
+        // a tick's own length must not round across the border
+        let rounding = 1e-9;
+        if silent_s <= HOLD_S + rounding {
+            self.heat_shown();
             return self.last_n;
         }
-        self.counts.held += 1;
-        if missing >= ZERO_TICKS {
-            self.off(GAP_RAMP_TICKS);
+        self.counts.note(Guard::Hold);
+        if silent_s >= ZERO_S - rounding {
+            self.off();
+            self.heat_shown();
             return DVec3::ZERO;
         }
-        let left = f64::from(ZERO_TICKS - missing) / f64::from(ZERO_TICKS - HOLD_TICKS);
-        self.shown_n = self.last_n * left;
+        self.shown_n = self.last_n * ((ZERO_S - silent_s) / (ZERO_S - HOLD_S));
+        self.heat_shown();
         self.shown_n
+    }
+
+    /// Whether samples have been missing for so long that the force is zero.
+    pub fn is_silent(&self, missing: u32) -> bool {
+        f64::from(missing) * self.tick_s >= ZERO_S - 1e-9
+    }
+
+    fn heat_shown(&mut self) {
+        let shown = self.shown_n.length();
+        self.thermal.heat(shown, self.tick_s, &self.guard);
+    }
+
+    fn clamp(&mut self, force: DVec3, limit: f64) -> DVec3 {
+        let length = force.length();
+        if length > limit {
+            self.counts.note(Guard::Clamp);
+            force * (limit / length)
+        } else {
+            force
+        }
     }
 
     fn finite(&mut self, v: DVec3) -> DVec3 {
         if v.is_finite() {
             v
         } else {
-            self.counts.not_finite += 1;
+            self.counts.note(Guard::NotFinite);
             DVec3::ZERO
         }
     }
 
-    // falling along its own direction is free, all else moves at most SLEW_N_PER_TICK
+    // falling along its own direction is free, all else moves at most by the slew
     fn slew(&mut self, force: DVec3) -> DVec3 {
+        let most = self.guard.rise_n_per_ms * self.tick_s * 1e3;
         let last = self.shown_n.length();
         let fallen = if last > 0.0 {
             let unit = self.shown_n / last;
@@ -145,9 +188,9 @@ impl OutputChain {
         };
         let rise = force - fallen;
         let length = rise.length();
-        if length > SLEW_N_PER_TICK {
-            self.counts.slewed += 1;
-            fallen + rise * (SLEW_N_PER_TICK / length)
+        if length > most {
+            self.counts.note(Guard::Slew);
+            fallen + rise * (most / length)
         } else {
             force
         }
@@ -158,9 +201,11 @@ impl OutputChain {
 mod tests {
     use super::*;
 
+    const SLEW: f64 = 0.5;
+
     fn settled(limit: f64) -> OutputChain {
-        let mut chain = OutputChain::new(limit);
-        for _ in 0..=START_RAMP_TICKS {
+        let mut chain = OutputChain::new(limit, &Feel::default());
+        for _ in 0..=1000 {
             chain.step(DVec3::ZERO, DVec3::ZERO);
         }
         chain
@@ -173,7 +218,7 @@ mod tests {
         let mut force = DVec3::ZERO;
         for _ in 0..20 {
             let next = chain.step(asked, DVec3::ZERO);
-            assert!((next - force).length() <= SLEW_N_PER_TICK + 1e-12);
+            assert!((next - force).length() <= SLEW + 1e-12);
             force = next;
         }
         assert!(
@@ -211,7 +256,7 @@ mod tests {
         assert_eq!(chain.hold(20), DVec3::ZERO);
         // and back only over the gap ramp
         let first = chain.step(DVec3::X * 3.0, DVec3::ZERO).x;
-        assert!(first <= 3.3 / f64::from(GAP_RAMP_TICKS) + 1e-12, "{first}");
+        assert!(first <= 3.3 / 50.0 + 1e-12, "{first}");
     }
 
     #[test]
@@ -224,15 +269,16 @@ mod tests {
             let shown = (1..=gap).map(|n| chain.hold(n)).last().expect("a gap");
             let next = chain.step(DVec3::X * 3.3, DVec3::ZERO);
             let rise = next.x - shown.x;
-            assert!(rise <= SLEW_N_PER_TICK + 1e-12, "gap {gap}: {rise}");
+            assert!(rise <= SLEW + 1e-12, "gap {gap}: {rise}");
         }
     }
 
     #[test]
     fn a_nan_becomes_no_force_and_is_counted() {
         let mut chain = settled(3.3);
+        chain.counts.begin_tick();
         assert_eq!(chain.step(DVec3::NAN, DVec3::NAN), DVec3::ZERO);
-        assert_eq!(chain.counts.not_finite, 2);
+        assert_eq!(chain.counts.of(Guard::NotFinite), 1);
         assert!(chain.step(DVec3::X, DVec3::ZERO).is_finite());
     }
 }

@@ -142,18 +142,37 @@ pub fn fields(bone: &Bone, cut: &Cut, p_in_bone: DVec3) -> Fields {
     }
 }
 
-/// CT number in HU at a point of the bone frame (mm); `None` outside the solid bone of the CT
+/// What the bone is made of at a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Matter {
+    /// CT number, HU.
+    pub hu: f32,
+    /// [`crate::tissue::Tissue`] of the nearest voxel.
+    pub class: u8,
+}
+
+/// Density and class at a point of the bone frame (mm); `None` outside the solid bone of the CT
 /// (whatever has been cut since).
-pub fn density_hu(bone: &Bone, p_in_bone: DVec3) -> Option<f32> {
+pub fn matter(bone: &Bone, p_in_bone: DVec3) -> Option<Matter> {
     let cell = cell(bone, p_in_bone)?;
+    let nearest = usize::from(cell.fraction.x >= 0.5)
+        | usize::from(cell.fraction.y >= 0.5) << 1
+        | usize::from(cell.fraction.z >= 0.5) << 2;
     let mut solid = [-f32::from(i16::MAX); 8];
     let mut density = [-1000.0; 8];
+    let mut class = 0;
     for_corners(bone, &cell, |corner, place| {
         if let Some((chunk, voxel)) = place {
             let data = bone.chunk(chunk);
             solid[corner] = f32::from(data.solid[voxel]);
             density[corner] = f32::from(data.density_hu[voxel]);
+            if corner == nearest {
+                class = data.class[voxel];
+            }
         }
     });
-    (trilinear(&solid, cell.fraction) > 0.0).then(|| trilinear(&density, cell.fraction))
+    (trilinear(&solid, cell.fraction) > 0.0).then(|| Matter {
+        hu: trilinear(&density, cell.fraction),
+        class,
+    })
 }

@@ -6,6 +6,7 @@ mod common;
 
 use common::{Rig, bone_of, slab};
 use glam::DVec3;
+use osteon_sim_core::chain::Guard;
 use osteon_sim_core::servo::Request;
 use osteon_sim_core::tool::Tool;
 
@@ -189,7 +190,7 @@ fn a_broken_encoder_neither_cuts_nor_kicks() {
         assert!((out.force_n - before.force_n).length() < 0.1);
         rig.rest(here, 3);
     }
-    assert_eq!(rig.servo.guards().implausible, 2);
+    assert_eq!(rig.servo.guards().of(Guard::Implausible), 2);
 }
 
 #[test]

@@ -42,10 +42,14 @@ impl Scene {
             outputs: Vec::new(),
         };
         scene.tick(&[Request::SelectTool(REAMER), Request::Spindle(true)]);
-        for _ in 0..400 {
-            scene.tick(&[]);
-        }
+        scene.spin_up();
         scene
+    }
+
+    fn spin_up(&mut self) {
+        for _ in 0..400 {
+            self.tick(&[]);
+        }
     }
 
     fn tick(&mut self, requests: &[Request]) -> TickOutput {
@@ -174,6 +178,7 @@ fn the_carried_step_survives_silence_and_tool_changes_and_ends_with_a_reset() {
     assert!(!scene.rig.servo.carving());
     scene.glide(DVec3::Z * 12.0);
     scene.tick(&[Request::SelectTool(REAMER)]);
+    scene.spin_up();
     scene.glide(DVec3::new(2.0, 1.0, -13.0));
     scene.push_until_carving();
     let reset = scene.tick(&[Request::Reset]);

@@ -8,9 +8,7 @@ mod tests;
 
 pub use print::to_toml;
 
-use osteon_sim_core::contact::ContactConfig;
 use osteon_sim_core::feel::{FIELDS, Feel};
-use osteon_sim_core::tissue::Tissue;
 use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -81,18 +79,4 @@ pub(crate) fn printed(args: &FeelArgs) -> anyhow::Result<bool> {
 /// Every parameter by its key, for reports.
 pub fn in_force(feel: &Feel) -> BTreeMap<&'static str, f64> {
     FIELDS.iter().map(|f| (f.key, f.get(feel))).collect()
-}
-
-/// What today's contact solve takes of the feel: one material for all classes (that of cancellous bone).
-pub(crate) fn contact(feel: &Feel) -> ContactConfig {
-    let material = feel.materials[Tissue::Cancellous as usize];
-    ContactConfig {
-        stiffness_n_per_mm: feel.coupling.stiffness_n_per_mm,
-        force_scale: feel.force_scale,
-        yield_n_per_mm2: material.yield_n_per_mm2,
-        energy_n_per_mm2: material.energy_n_per_mm2,
-        feed_ratio: feel.law.feed_ratio,
-        min_radius: feel.law.min_radius,
-        tick_s: feel.tick_s,
-    }
 }

@@ -194,7 +194,7 @@ fn make_servo(
             nmm_per_count: f64::from(info.micro_nm_per_count) * 1e-3,
         },
         force_limit_n: args.force_limit,
-        contact: feel::contact(feel),
+        feel: *feel,
     };
     Servo::new(setup).ok_or_else(|| anyhow!("no tools, or too many"))
 }

@@ -10,7 +10,7 @@ use crate::scene::{Scene, SceneArgs, load};
 use glam::{DQuat, DVec3};
 use osteon_protocol::device::{CommandFrame, DeviceHello, DriveState, StateFrame};
 use osteon_sim_core::bone::{Bone, DenseBone};
-use osteon_sim_core::contact::ContactConfig;
+use osteon_sim_core::feel::Feel;
 use osteon_sim_core::grid::Grid;
 use osteon_sim_core::omni;
 use osteon_sim_core::pose::Pose;
@@ -162,7 +162,7 @@ impl Pair {
                 nmm_per_count: 0.215,
             },
             force_limit_n: 3.3,
-            contact: ContactConfig::default(),
+            feel: Feel::default(),
         })
         .expect("tools");
         let (record_in, records) = RingBuffer::new(capacity);

@@ -1,13 +1,11 @@
 //! What the cutting law expects of a constant push.
 
-use super::layers::{Layers, tissue_at};
+use super::layers::{Layers, Uncut};
 use core::f64::consts::TAU;
 use glam::{DQuat, DVec3};
 use osteon_sim_core::bone::Bone;
 use osteon_sim_core::feel::Feel;
 use osteon_sim_core::pose::Pose;
-use osteon_sim_core::sample::density_hu;
-use osteon_sim_core::tissue::Tissue;
 use osteon_sim_core::tool::Tool;
 
 /// Step along the axis, mm.
@@ -27,6 +25,8 @@ pub fn expected_s(
     feel: &Feel,
     push_n: f64,
 ) -> Vec<Option<f64>> {
+    let uncut = Uncut::new(bone);
+    let h = bone.grid().spacing_mm.min_element();
     let mut stalled = false;
     let mut through = |from_mm: f64, to_mm: f64| {
         let mut seconds = 0.0;
@@ -35,7 +35,7 @@ pub fn expected_s(
             let step = STEP_MM.min(to_mm - depth);
             let apex = DVec3::Z * (layers.surface_mm - depth - 0.5 * step);
             let bone_from_tool = bone_from_plan.then(&Pose::new(DQuat::IDENTITY, apex));
-            let (rest, slope) = resistance(bone, &bone_from_tool, tool, feel);
+            let (rest, slope) = resistance(&uncut, h, (tool, &bone_from_tool), feel);
             // in air there is nothing to wait for
             if slope > 0.0 {
                 seconds += step * slope / (push_n - rest).max(0.0);
@@ -50,21 +50,25 @@ pub fn expected_s(
         .collect()
 }
 
-/// Thrust of the tool at the stylus: N, and N·s/mm of feed.
-fn resistance(bone: &Bone, bone_from_tool: &Pose, tool: &Tool, feel: &Feel) -> (f64, f64) {
+/// Thrust of the tool at the stylus: N, and N·s/mm of feed. `h` is the bone's smallest spacing, mm.
+fn resistance(
+    uncut: &Uncut<'_>,
+    h: f64,
+    (tool, bone_from_tool): (&Tool, &Pose),
+    feel: &Feel,
+) -> (f64, f64) {
     let omega = tool.rpm * TAU / 60.0;
     let smallest = feel.law.min_radius * tool.shape.bounds().reach_mm();
-    let h = bone.grid().spacing_mm.min_element();
     let mut sum = (0.0, 0.0);
     for e in tool.elements.iter().filter(|e| e.cutting) {
         let p = bone_from_tool.point(e.position.as_dvec3());
-        let Some(at) = density_hu(bone, p) else {
+        let Some(here) = uncut.at(p) else {
             continue;
         };
         // the law looks ahead of the surface
         let ahead = bone_from_tool.vector(e.normal.as_dvec3()) * h;
-        let hu = f64::from(density_hu(bone, p + ahead).unwrap_or(at));
-        let material = feel.materials[tissue_at(bone, p).unwrap_or(Tissue::Cancellous) as usize];
+        let (hu, tissue) = uncut.at(p + ahead).unwrap_or(here);
+        let material = feel.materials[tissue as usize];
         let rho = feel.density_g_cm3(hu);
         // share of the element's area that looks along the feed
         let facing = f64::from(-e.normal.z).max(0.0);

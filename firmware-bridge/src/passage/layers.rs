@@ -2,13 +2,13 @@
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
-    reason = "lattice indices, checked against its edges, and a search of some thousand steps"
+    reason = "a search of some thousand steps"
 )]
 
 use glam::DVec3;
 use osteon_sim_core::bone::Bone;
 use osteon_sim_core::pose::Pose;
-use osteon_sim_core::sample::density_hu;
+use osteon_sim_core::sample::matter;
 use osteon_sim_core::tissue::Tissue;
 
 /// A thicker layer is timed over its first so many mm, and ends the list.
@@ -42,13 +42,14 @@ impl Layers {
     /// Goes down the plan's z axis through the uncut bone, to its other side or through the first
     /// layer of at least [`TIMED_MM`]. Runs shorter than half a voxel belong to the layer above.
     pub fn along(bone: &Bone, bone_from_plan: &Pose) -> Self {
+        let uncut = Uncut::new(bone);
         let steps = (2.0 * REACH_MM / STEP_MM) as u32;
         let thin = 0.5 * bone.grid().spacing_mm.min_element();
         let mut surface_mm = 0.0;
         let mut layers: Vec<Layer> = Vec::new();
         for n in 0..steps {
             let z = REACH_MM - STEP_MM * f64::from(n);
-            let Some(tissue) = tissue_at(bone, bone_from_plan.point(DVec3::Z * z)) else {
+            let Some((_, tissue)) = uncut.at(bone_from_plan.point(DVec3::Z * z)) else {
                 if layers.is_empty() {
                     continue;
                 }
@@ -101,13 +102,20 @@ fn join_thin(layers: &mut Vec<Layer>, thin: f64) {
     }
 }
 
-/// Tissue class of the nearest voxel; `None` outside the uncut bone.
-pub(super) fn tissue_at(bone: &Bone, p_in_bone: DVec3) -> Option<Tissue> {
-    density_hu(bone, p_in_bone)?;
-    let index = (p_in_bone / bone.grid().spacing_mm).round();
-    let most = bone.grid().dims.map(|n| n as f64 - 1.0);
-    let index = index.clamp(DVec3::ZERO, DVec3::from_array(most));
-    let (chunk, voxel) = bone.locate(index.to_array().map(|v| v as usize))?;
-    let class = bone.chunk(chunk).class[voxel];
-    Tissue::ALL.into_iter().find(|t| *t as u8 == class)
+/// The uncut bone, read at points of its frame (mm).
+pub(super) struct Uncut<'a> {
+    bone: &'a Bone,
+}
+
+impl<'a> Uncut<'a> {
+    pub(super) fn new(bone: &'a Bone) -> Self {
+        Self { bone }
+    }
+
+    /// CT number, HU, and class of the nearest voxel; `None` outside the bone.
+    pub(super) fn at(&self, p_in_bone: DVec3) -> Option<(f64, Tissue)> {
+        let found = matter(self.bone, p_in_bone)?;
+        let tissue = Tissue::ALL.into_iter().find(|t| *t as u8 == found.class)?;
+        Some((f64::from(found.hu), tissue))
+    }
 }

@@ -165,14 +165,16 @@ impl Piece {
         0.5 * (lo + hi)
     }
 
-    /// Where the piece begins in a point on the axis, steep enough to be a tip: the height there of
-    /// what lies `depth` below the surface, mm.
+    /// Where the piece begins in a point on the axis that a tool can stand on (a cone's tip, a dome's
+    /// pole): the height there of what lies `depth` below the surface, mm.
     fn tip(&self, depth: f32) -> Option<f32> {
-        let Curve::Line { normal, .. } = self.curve else {
-            return None;
+        let [r, z, nr, nz] = self.curve.at(self.range[0]);
+        let stands = match self.curve {
+            Curve::Line { .. } => nz < -0.1 && nr > 0.2,
+            Curve::Arc { .. } => nz < -0.99,
+            Curve::Flat { .. } => false,
         };
-        let [r, z, ..] = self.curve.at(self.range[0]);
-        (normal[1] < -0.1 && normal[0] > 0.2 && r < SIDE_MM).then(|| z - depth / normal[1])
+        (stands && r < SIDE_MM).then(|| z - depth / nz)
     }
 }
 

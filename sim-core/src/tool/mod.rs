@@ -56,6 +56,8 @@ pub struct Tool {
     pub rpm: f64,
     /// Cutting lips around the axis.
     pub lips: u8,
+    /// Torque at which its spindle stalls, N·mm; `None`: as the feel says.
+    pub stall_nmm: Option<f64>,
     /// Colour, sRGB.
     pub colour: [u8; 3],
 }
@@ -184,6 +186,7 @@ impl Tool {
             shape: Shape::Revolved(solid),
             rpm,
             lips,
+            stall_nmm: None,
             colour,
         }
     }
@@ -205,6 +208,7 @@ impl Tool {
             shape: Shape::Grid(grid),
             rpm,
             lips,
+            stall_nmm: None,
             colour,
         }
     }

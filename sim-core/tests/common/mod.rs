@@ -61,7 +61,7 @@ pub fn slab(extent: DVec3, spacing: DVec3, top: f64, density: f64) -> Arc<Bone> 
 }
 
 use glam::DQuat;
-use osteon_sim_core::contact::ContactConfig;
+use osteon_sim_core::feel::Feel;
 use osteon_sim_core::omni;
 use osteon_sim_core::servo::{DeviceScale, Request, Sample, Servo, ServoSetup, TickOutput};
 use osteon_sim_core::tool::Tool;
@@ -96,7 +96,7 @@ impl Rig {
             bone_from_plan: Pose::new(DQuat::IDENTITY, origin),
             device: FINE,
             force_limit_n: 3.3,
-            contact: ContactConfig::default(),
+            feel: Feel::default(),
         };
         Self {
             servo: Servo::new(setup).expect("tools"),

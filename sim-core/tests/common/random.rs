@@ -56,6 +56,7 @@ pub fn tool_of(solid: Revolved) -> Tool {
         elements: Vec::new(),
         rpm: 1000.0,
         lips: 2,
+        stall_nmm: None,
         colour: STEEL,
     }
 }

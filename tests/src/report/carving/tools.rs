@@ -30,6 +30,7 @@ fn of([name, id]: [&str; 2], parts: &[&[Form]]) -> Tool {
         elements: Vec::new(),
         rpm: 1000.0,
         lips: 4,
+        stall_nmm: None,
         colour: STEEL,
     }
 }

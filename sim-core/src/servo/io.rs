@@ -2,9 +2,9 @@
 
 use crate::bone::Bone;
 use crate::carve::CarveStep;
-use crate::contact::ContactConfig;
+use crate::feel::Feel;
 use crate::pose::Pose;
-use crate::servo::MAX_SUBSTEPS;
+use crate::proxy::MAX_SUBSTEPS;
 use crate::tool::Tool;
 use glam::DVec3;
 use std::sync::Arc;
@@ -52,7 +52,7 @@ pub struct Sample {
 }
 
 /// What a person may ask for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Request {
     /// Take a tool; an index beyond the set is ignored.
     SelectTool(u8),
@@ -62,6 +62,12 @@ pub enum Request {
     Pause(bool),
     /// Back to the uncut bone.
     Reset,
+    /// Hold the clutch or let it go: while it is held the tool waits and the stylus moves freely.
+    Clutch(bool),
+    /// Millimetres of the tool per millimetre of the stylus; out of range it is ignored.
+    MotionScale(f64),
+    /// Turns the workspace about the line of sight, rad.
+    TurnWorkspace(f64),
 }
 
 /// What one tick made.
@@ -79,8 +85,32 @@ pub struct TickOutput {
     pub bone_from_device: Pose,
     /// Where the tool is shown and cuts.
     pub bone_from_tool: Pose,
-    /// Force on the hand, bone frame, N.
+    /// Force on the hand, bone frame, N at the stylus.
     pub force_n: DVec3,
+    /// Force that a real tool meets, bone frame, N: the coupling's, over the force scale.
+    pub physical_force_n: DVec3,
+    /// Whether a real tool would meet more: the coupling is at the limit.
+    pub saturated: bool,
+    /// Torque that holds or turns a real tool in the bone, bone frame, N·mm. Three motors cannot show it.
+    pub holding_torque_nmm: DVec3,
+    /// Speed of the spindle, rad/s.
+    pub spindle_rad_s: f64,
+    /// Torque of the cut about it, N·mm at a real tool.
+    pub spindle_nmm: f64,
+    /// The same over what the motor has, in [0, 1]: what a drill's sound follows.
+    pub spindle_load: f64,
+    /// The vibration that is part of `force_n`, N.
+    pub vibration_n: DVec3,
+    /// Work of the hand on the bone in this tick, mJ at the stylus; never negative.
+    pub hand_mj: f64,
+    /// Work of the spindle in this tick, mJ at a real tool.
+    pub spindle_mj: f64,
+    /// What the passivity observer has on its account, mJ.
+    pub energy_mj: f64,
+    /// Newton iterations of the contact solves.
+    pub iterations: u32,
+    /// Their worst residual, N.
+    pub residual_n: f64,
     /// Index of the tool in hand.
     pub tool: u8,
     /// Whether the spindle is switched on.
@@ -91,6 +121,8 @@ pub struct TickOutput {
     pub embedded: bool,
     /// The tool has not yet come in front of the joint since it left the dock: no contact.
     pub waiting: bool,
+    /// The clutch is held.
+    pub clutched: bool,
     /// Whether this tick had a fresh, plausible sample.
     pub fresh: bool,
     /// Counts resets.
@@ -121,6 +153,6 @@ pub struct ServoSetup {
     pub device: DeviceScale,
     /// Force limit asked for by the user, N.
     pub force_limit_n: f64,
-    /// Coupling and cutting law.
-    pub contact: ContactConfig,
+    /// What the hand feels.
+    pub feel: Feel,
 }

@@ -1,0 +1,142 @@
+//! Passivity observer and controller (Hannaford and Ryu 2002) on the torque that the device reports as
+//! applied.
+//!
+//! Between two samples the drive holds its torque, so the energy that went into the loop,
+//!
+//! ```text
+//! W ← W − τ_applied · (q − q_before)
+//! ```
+//!
+//! is exact for encoders and a zero-order hold, whatever the delay, and needs no velocity. A loop that is
+//! passive keeps W ≥ 0. What cutting has really used up is taken out of a surplus as it arises, or a
+//! minute of drilling would pay for a minute of buzzing.
+
+use crate::feel::GuardFeel;
+use glam::DVec3;
+
+/// Energy below this counts as made by the loop, mJ (encoder counts alone make 1.5 µJ).
+const TOLERANCE_MJ: f64 = -5e-3;
+/// Share of a surplus that a tick out of contact keeps.
+const FORGET: f64 = 0.98;
+
+/// The observer's account.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Passivity {
+    energy_mj: f64,
+    // angles, rad, and torque in force since, N·mm
+    last: Option<(DVec3, DVec3)>,
+}
+
+impl Passivity {
+    /// What the loop holds of the hand's energy, mJ; negative: it has made some.
+    pub fn energy_mj(&self) -> f64 {
+        self.energy_mj
+    }
+
+    /// Begins anew: after a gap nobody knows what was applied.
+    pub fn reset(&mut self) {
+        *self = Self::default();
+    }
+
+    /// A sample: joint angles, rad, and the torque in force from it on without what lies outside the
+    /// account (vibration), N·mm.
+    pub fn observe(&mut self, angles: DVec3, applied_nmm: DVec3) {
+        if let Some((before, torque)) = self.last {
+            let work = torque.dot(angles - before);
+            if work.is_finite() {
+                self.energy_mj -= work;
+            }
+        }
+        self.last = Some((angles, applied_nmm));
+    }
+
+    /// What cutting used up, mJ at the stylus: taken out of a surplus.
+    pub fn consume(&mut self, cut_mj: f64) {
+        self.energy_mj -= cut_mj.clamp(0.0, self.energy_mj.max(0.0));
+    }
+
+    /// A tick well out of contact: a surplus fades.
+    pub fn fade(&mut self) {
+        if self.energy_mj > 0.0 {
+            self.energy_mj *= FORGET;
+        }
+    }
+
+    /// The controller's force, N, at a velocity in mm/s, and whether the loop had made energy beyond
+    /// what counting makes.
+    pub fn damp(&self, velocity_mm_s: DVec3, tick_s: f64, guard: &GuardFeel) -> (DVec3, bool) {
+        let speed2 = velocity_mm_s.length_squared();
+        if self.energy_mj >= 0.0 || !(speed2 > 0.0 && speed2.is_finite()) {
+            return (DVec3::ZERO, false);
+        }
+        let damping = (-self.energy_mj / (tick_s * speed2)).min(guard.passivity_n_s_per_mm);
+        let force = -velocity_mm_s * damping;
+        let length = force.length();
+        let force = if length > guard.passivity_n {
+            force * (guard.passivity_n / length)
+        } else {
+            force
+        };
+        let acted = force != DVec3::ZERO && self.energy_mj < TOLERANCE_MJ;
+        (force, acted)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::feel::Feel;
+
+    #[test]
+    fn a_spring_that_is_held_makes_the_energy_that_theory_says() {
+        // in and out by steps Δ at stiffness K: each step in is paid late, each step out early, so the
+        // loop makes K Δ² a step pair: exactly K Δ² · n over n steps in and n out
+        let (k, step, n) = (0.5, 0.1, 20);
+        let mut observer = Passivity::default();
+        let path = (0..=n).chain((0..n).rev());
+        for i in path {
+            let x = f64::from(i) * step;
+            observer.observe(DVec3::X * x, DVec3::X * (-k * x));
+        }
+        let made = -k * step * step * f64::from(n);
+        assert!(
+            (observer.energy_mj() - made).abs() < 1e-12,
+            "{}",
+            observer.energy_mj()
+        );
+    }
+
+    #[test]
+    fn damping_spends_what_was_made_and_no_more() {
+        let guard = Feel::default().guard;
+        let mut observer = Passivity::default();
+        observer.observe(DVec3::ZERO, DVec3::X * 1.0);
+        observer.observe(DVec3::X * 0.02, DVec3::ZERO);
+        assert!((observer.energy_mj() + 0.02).abs() < 1e-12);
+        let velocity = DVec3::X * 50.0;
+        let (force, acted) = observer.damp(velocity, 1e-3, &guard);
+        assert!(acted);
+        // −W/(T v²) = 0.02/(1e-3 · 2500) = 8e-3 N·s/mm, below the limit
+        assert!((force.x + 0.4).abs() < 1e-12, "{force}");
+        let (slow, _) = observer.damp(DVec3::X, 1e-3, &guard);
+        assert!((slow.x + guard.passivity_n_s_per_mm).abs() < 1e-12);
+        let (fast, _) = observer.damp(DVec3::X * 1e-200, 1e-3, &guard);
+        assert!(fast.is_finite());
+    }
+
+    #[test]
+    fn cutting_takes_a_surplus_only() {
+        let mut observer = Passivity::default();
+        observer.observe(DVec3::ZERO, DVec3::X * -1.0);
+        observer.observe(DVec3::X * 0.5, DVec3::X * 2.0);
+        observer.consume(0.2);
+        assert!((observer.energy_mj() - 0.3).abs() < 1e-12);
+        observer.consume(5.0);
+        assert!(observer.energy_mj().abs() < 1e-15);
+        observer.observe(DVec3::X * 0.6, DVec3::ZERO);
+        observer.consume(5.0);
+        assert!((observer.energy_mj() + 0.2).abs() < 1e-12);
+        observer.observe(DVec3::NAN, DVec3::ZERO);
+        assert!(observer.energy_mj().is_finite());
+    }
+}
