@@ -254,6 +254,21 @@ impl Bone {
         }
     }
 
+    /// Solid distances of one chunk, in units of [`Grid::quantum_mm`].
+    pub(crate) fn solid(&self, chunk: usize) -> &[i16] {
+        &self.solid[chunk * CHUNK_VOXELS..(chunk + 1) * CHUNK_VOXELS]
+    }
+
+    /// CT numbers of one chunk, HU.
+    pub(crate) fn density(&self, chunk: usize) -> &[i16] {
+        &self.density_hu[chunk * CHUNK_VOXELS..(chunk + 1) * CHUNK_VOXELS]
+    }
+
+    /// Tissue classes of one chunk.
+    pub(crate) fn class(&self, chunk: usize) -> &[u8] {
+        &self.class[chunk * CHUNK_VOXELS..(chunk + 1) * CHUNK_VOXELS]
+    }
+
     fn table_index(&self, [x, y, z]: [usize; 3]) -> usize {
         let [cx, cy, _] = self.grid.chunk_dims();
         (z * cy + y) * cx + x
@@ -261,11 +276,12 @@ impl Bone {
 
     /// Index of the chunk at a chunk coordinate; `None` where it is outside or was dropped.
     pub fn chunk_at(&self, coord: [usize; 3]) -> Option<usize> {
-        let dims = self.grid.chunk_dims();
-        if (0..3).any(|a| coord[a] >= dims[a]) {
+        let [nx, ny, nz] = self.grid.chunk_dims();
+        let [x, y, z] = coord;
+        if x >= nx || y >= ny || z >= nz {
             return None;
         }
-        let index = self.table[self.table_index(coord)];
+        let index = self.table[(z * ny + y) * nx + x];
         (index != ABSENT).then_some(index as usize)
     }
 

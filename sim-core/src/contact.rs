@@ -28,8 +28,9 @@ use crate::bone::Bone;
 use crate::cut::Cut;
 use crate::feel::Feel;
 use crate::pose::Pose;
-use crate::sample::fields;
+use crate::sample::Sampler;
 use crate::tool::{MAX_ELEMENTS, Tool};
+use glam::DMat3;
 
 /// Width of the regularised corner of the yield term, mm.
 pub const YIELD_EPS_MM: f64 = 1e-6;
@@ -40,6 +41,8 @@ pub const RIGID_N_PER_MM3: f64 = 1e4;
 /// faces are grown by when they are carved ([`crate::tool::Shape::grown_mm`]): right on a voxel the cut
 /// lies ahead of the surface by that, and more where three voxels' errors meet.
 const GRIP_MM: f64 = 1e-3;
+/// Largest slope of an interpolated distance: 1 along each axis.
+const STEEPEST: f64 = 1.733;
 /// A spindle below this share of its full speed counts as standing.
 pub const STANDING_SHARE: f64 = 0.1;
 
@@ -50,6 +53,11 @@ pub struct Contacts {
     terms: Terms,
     gripping: Vec<bool>,
     deepest_mm: f64,
+    // way of the tool's farthest point since the last release, mm, and where it was then
+    odometer_mm: f64,
+    last: Option<Pose>,
+    // an element far outside needs no look before the odometer reads this
+    sleeps_to_mm: Vec<f64>,
 }
 
 /// The tool as the contact sees it.
@@ -84,6 +92,9 @@ impl Contacts {
             terms: Terms::new(),
             gripping: vec![false; MAX_ELEMENTS],
             deepest_mm: f64::NEG_INFINITY,
+            odometer_mm: 0.0,
+            last: None,
+            sleeps_to_mm: vec![0.0; MAX_ELEMENTS],
         }
     }
 
@@ -92,6 +103,9 @@ impl Contacts {
         self.gripping.fill(false);
         self.terms.clear();
         self.deepest_mm = f64::NEG_INFINITY;
+        self.odometer_mm = 0.0;
+        self.last = None;
+        self.sleeps_to_mm.fill(0.0);
     }
 
     /// True where no element is in reach of the bone.
@@ -109,29 +123,50 @@ impl Contacts {
         self.deepest_mm
     }
 
+    /// Adds the way since the last gather: no point of the tool has gone farther.
+    fn travel(&mut self, state: &ToolState<'_>) {
+        let here = state.bone_from_tool;
+        if let Some(last) = self.last {
+            let shift = (here.translation - last.translation).length();
+            let turn = here.rotation * last.rotation.conjugate();
+            let chord = 2.0 * turn.xyz().length();
+            self.odometer_mm += shift + chord * state.tool.shape.bounds().radius_mm();
+        }
+        self.last = Some(here);
+    }
+
     /// Reads the fields at every element of the tool (at most [`MAX_ELEMENTS`]) and keeps those that
-    /// a step of half the smallest spacing could bring into contact.
+    /// a step of half the smallest spacing could bring into contact. An element that is farther out than
+    /// the tool has travelled since is not looked at: bone never comes nearer, and the slope of an
+    /// interpolated distance is at most √3.
     pub fn gather(&mut self, bone: &Bone, cut: &Cut, state: &ToolState<'_>, feel: &Feel) {
         self.terms.clear();
         self.deepest_mm = f64::NEG_INFINITY;
         let h = bone.grid().spacing_mm.min_element();
         let ahead = 2.0 * state.tool.shape.grown_mm(bone.grid());
-        let cutter = Cutter::new(bone, state, feel);
+        self.travel(state);
+        let sampler = Sampler::new(bone, cut);
+        let cutter = Cutter::new(sampler, h, state, feel);
+        let outermost = -0.6 * h;
         let turning_radius = feel.coupling.turning_radius_mm;
         let turns = state.turns();
+        let turn = DMat3::from_quat(state.bone_from_tool.rotation);
         for (i, e) in state.tool.elements.iter().take(MAX_ELEMENTS).enumerate() {
-            let arm = state.bone_from_tool.vector(e.position.as_dvec3());
+            if self.odometer_mm < self.sleeps_to_mm[i] {
+                continue;
+            }
+            let arm = turn * e.position.as_dvec3();
             let p = state.bone_from_tool.translation + arm;
-            let f = fields(bone, cut, p);
-            let depth = f64::from(f.depth());
+            let depth = f64::from(sampler.depth(p));
             self.deepest_mm = self.deepest_mm.max(depth);
-            if depth < -0.6 * h {
+            if depth < outermost {
                 self.gripping[i] = false;
+                self.sleeps_to_mm[i] = self.odometer_mm + (outermost - depth) / STEEPEST;
                 continue;
             }
             let area = f64::from(e.area_mm2);
             if turns && e.cutting {
-                let normal = state.bone_from_tool.vector(e.normal.as_dvec3());
+                let normal = turn * e.normal.as_dvec3();
                 let gap = self.gap(i, depth, ahead);
                 let law = cutter.resistance(p, normal, f64::from(e.radius_mm));
                 self.terms.push(&Term {
@@ -143,7 +178,7 @@ impl Contacts {
                 });
             } else {
                 self.gripping[i] = false;
-                let gradient = f.gradient.as_dvec3();
+                let gradient = sampler.fields(p).gradient.as_dvec3();
                 let steepness = gradient.length();
                 if steepness > 1e-3 {
                     let normal = gradient / steepness;

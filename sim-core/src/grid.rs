@@ -109,7 +109,8 @@ impl Grid {
 
     /// Chunks along x, y, z.
     pub fn chunk_dims(&self) -> [usize; 3] {
-        self.dims.map(|n| n.div_ceil(CHUNK))
+        let [x, y, z] = self.dims;
+        [x.div_ceil(CHUNK), y.div_ceil(CHUNK), z.div_ceil(CHUNK)]
     }
 
     /// Centre of voxel (i, j, k) in the bone frame, mm.
@@ -133,13 +134,13 @@ impl Grid {
 /// line (x fastest), in a line x, then z, then y. So a brick's 512 values and a line's 32 are each one
 /// contiguous run, and a line's two layers interleave the way that vector units pack them.
 /// Arguments in `0..32`.
-pub fn voxel_in_chunk(x: usize, y: usize, z: usize) -> usize {
+pub const fn voxel_in_chunk(x: usize, y: usize, z: usize) -> usize {
     let brick = ((z >> 3) * 4 + (y >> 3)) * 4 + (x >> 3);
     brick * BRICK_VOXELS + offset_in_brick([x & 7, y & 7, z & 7])
 }
 
 /// Offset in its brick's values of a voxel inside the brick (each in `0..8`).
-pub fn offset_in_brick([x, y, z]: [usize; 3]) -> usize {
+pub const fn offset_in_brick([x, y, z]: [usize; 3]) -> usize {
     let line = (z >> 1) * 4 + (y >> 2) * 2 + (x >> 2);
     let lane = (y & 3) * 8 + (z & 1) * 4 + (x & 3);
     line * LINE_VOXELS + lane

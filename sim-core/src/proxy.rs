@@ -141,12 +141,6 @@ fn moved(pose: &Pose, motion: &Motion, turning_radius_mm: f64) -> Pose {
     )
 }
 
-/// Farthest point of a tool from its origin, mm.
-fn reach_mm(tool: &Tool) -> f64 {
-    let bounds = tool.shape.bounds();
-    bounds.lo.abs().max(bounds.hi.abs()).length()
-}
-
 impl Proxy {
     /// Forgets what it holds on to.
     pub fn release(&mut self) {
@@ -215,7 +209,8 @@ impl Proxy {
         let feel = around.feel;
         let radius = feel.coupling.turning_radius_mm;
         let longest = 0.5 * around.bone.grid().spacing_mm.min_element();
-        let reach = reach_mm(&around.tools[usize::from(around.tool)]);
+        let tool = &around.tools[usize::from(around.tool)];
+        let reach = tool.shape.bounds().radius_mm();
         self.gather(around, around.omega_rad_s);
         let room = longest * (radius / reach).max(1.0);
         let stiffness = spring(feel, around.limit_n).stiffness;

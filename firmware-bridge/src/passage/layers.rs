@@ -7,8 +7,9 @@
 
 use glam::DVec3;
 use osteon_sim_core::bone::Bone;
+use osteon_sim_core::cut::Cut;
 use osteon_sim_core::pose::Pose;
-use osteon_sim_core::sample::matter;
+use osteon_sim_core::sample::Sampler;
 use osteon_sim_core::tissue::Tissue;
 
 /// A thicker layer is timed over its first so many mm, and ends the list.
@@ -105,16 +106,20 @@ fn join_thin(layers: &mut Vec<Layer>, thin: f64) {
 /// The uncut bone, read at points of its frame (mm).
 pub(super) struct Uncut<'a> {
     bone: &'a Bone,
+    cut: Cut,
 }
 
 impl<'a> Uncut<'a> {
     pub(super) fn new(bone: &'a Bone) -> Self {
-        Self { bone }
+        Self {
+            bone,
+            cut: Cut::new(bone),
+        }
     }
 
     /// CT number, HU, and class of the nearest voxel; `None` outside the bone.
     pub(super) fn at(&self, p_in_bone: DVec3) -> Option<(f64, Tissue)> {
-        let found = matter(self.bone, p_in_bone)?;
+        let found = Sampler::new(self.bone, &self.cut).matter(p_in_bone)?;
         let tissue = Tissue::ALL.into_iter().find(|t| *t as u8 == found.class)?;
         Some((f64::from(found.hu), tissue))
     }

@@ -6,9 +6,8 @@
 //! (Carter and Hayes 1976), an edge needs a threshold (ploughing).
 
 use super::{RIGID_N_PER_MM3, ToolState};
-use crate::bone::Bone;
 use crate::feel::Feel;
-use crate::sample::{Matter, matter};
+use crate::sample::{Matter, Sampler};
 use glam::DVec3;
 
 /// What one element meets, per area.
@@ -29,7 +28,7 @@ pub struct Resistance {
 /// The law for one tool at one speed.
 #[derive(Debug, Clone, Copy)]
 pub struct Cutter<'a> {
-    bone: &'a Bone,
+    sampler: Sampler<'a>,
     feel: &'a Feel,
     ahead_mm: [f64; 2],
     smallest_mm: f64,
@@ -37,11 +36,10 @@ pub struct Cutter<'a> {
 }
 
 impl<'a> Cutter<'a> {
-    /// The law for a tool.
-    pub fn new(bone: &'a Bone, state: &ToolState<'_>, feel: &'a Feel) -> Self {
-        let h = bone.grid().spacing_mm.min_element();
+    /// The law for a tool in a bone whose smallest spacing is `h` mm.
+    pub fn new(sampler: Sampler<'a>, h: f64, state: &ToolState<'_>, feel: &'a Feel) -> Self {
         Self {
-            bone,
+            sampler,
             feel,
             ahead_mm: [0.75 * h, 1.25 * h],
             smallest_mm: feel.law.min_radius * state.tool.shape.bounds().reach_mm(),
@@ -53,11 +51,13 @@ impl<'a> Cutter<'a> {
     /// density is read ahead of the surface, from the bone as it was, so that a cut that lags by a tick
     /// changes nothing; where there is none ahead, at the element.
     pub fn resistance(&self, p: DVec3, normal: DVec3, radius_mm: f64) -> Resistance {
-        let [near, far] = self.ahead_mm.map(|way| matter(self.bone, p + normal * way));
+        let [near, far] = self.ahead_mm;
+        let near = self.sampler.matter(p + normal * near);
+        let far = self.sampler.matter(p + normal * far);
         let found = match (near, far) {
             (Some(a), Some(b)) => Some((0.5 * (self.density(a) + self.density(b)), a.class)),
             (Some(a), None) | (None, Some(a)) => Some((self.density(a), a.class)),
-            (None, None) => matter(self.bone, p).map(|a| (self.density(a), a.class)),
+            (None, None) => self.sampler.matter(p).map(|a| (self.density(a), a.class)),
         };
         let (density, class) = found.unwrap_or((self.feel.density_g_cm3(-1000.0), 0));
         self.of(density, class, radius_mm)

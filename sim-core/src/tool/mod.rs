@@ -83,6 +83,11 @@ impl ToolBox {
         let reach = self.lo.abs().max(self.hi.abs());
         reach.x.max(reach.y)
     }
+
+    /// Radius of the ball about the tool's origin that holds it, mm.
+    pub fn radius_mm(&self) -> f64 {
+        self.lo.abs().max(self.hi.abs()).length()
+    }
 }
 
 /// Points of an outline that a viewer turns on a lathe.
