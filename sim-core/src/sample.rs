@@ -114,7 +114,8 @@ impl<'a> Sampler<'a> {
 
     #[inline]
     fn inner(&self, [i, j, k]: [u32; 3]) -> Option<Inner> {
-        const MASK: u32 = CHUNK as u32 - 1;
+        const MASK: u32 = 31;
+        const { assert!(MASK as usize == CHUNK - 1) };
         // one below the lattice has wrapped to a large number
         let fits = |v: u32, n: u32| v < n - 1 && v & MASK != MASK;
         let [nx, ny, nz] = self.dims;

@@ -4,6 +4,7 @@ pub mod carver;
 pub mod carving;
 mod machine;
 pub mod plot;
+pub mod stability;
 pub mod table;
 
 pub use machine::Machine;
@@ -15,11 +16,14 @@ use anyhow::Result;
 pub enum Report {
     /// Time, error and memory of removing bone, beside the thesis's method and its rivals
     Carving(carving::CarvingArgs),
+    /// How still, safe and true the force loop is, with its hard cases and other programs' defects beside it
+    Stability(stability::StabilityArgs),
 }
 
 /// Makes a report.
 pub fn run(report: &Report) -> Result<()> {
     match report {
         Report::Carving(args) => carving::run(args),
+        Report::Stability(args) => stability::run(args),
     }
 }

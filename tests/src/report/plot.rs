@@ -1,15 +1,17 @@
-//! Log–log plots as SVG, each with its CSV beside it. Axes and ticks are our own.
+//! Plots as SVG, each with its CSV beside it: log–log unless said. Axes and ticks are our own.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,
     reason = "pixels and a handful of series"
 )]
 
-mod decades;
+mod axis;
+
+pub use axis::Scale;
 
 use super::table::Table;
 use anyhow::{Context as _, Result, anyhow};
-use decades::Decades;
+use axis::Axis;
 use plotters::prelude::*;
 use std::ops::Range;
 use std::path::Path;
@@ -36,7 +38,7 @@ pub struct Series {
     pub points: Vec<Point>,
 }
 
-/// A log–log plot.
+/// A plot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plot {
     /// File name without its ending.
@@ -47,12 +49,16 @@ pub struct Plot {
     pub note: String,
     /// Axis labels, with units.
     pub axes: [String; 2],
+    /// How the axes run.
+    pub scales: [Scale; 2],
     /// Series.
     pub series: Vec<Series>,
-    /// Faint lines y ~ x^slope with a label each.
+    /// Faint lines y ~ x^slope with a label each, where both axes are logarithmic.
     pub slopes: Vec<(f64, String)>,
     /// Straight levels of y with a label each (a floor, a published figure).
     pub levels: Vec<(f64, String)>,
+    /// Faint curves with a label each (a law beside the measured points).
+    pub curves: Vec<(Vec<[f64; 2]>, String)>,
 }
 
 const SIZE: (u32, u32) = (860, 540);
@@ -71,7 +77,7 @@ const COLOURS: [RGBColor; 10] = [
 const FAINT: RGBColor = RGBColor(150, 150, 150);
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Decades, Decades>>;
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
 
 impl Point {
     /// A plain point.
@@ -102,22 +108,27 @@ impl Point {
     }
 }
 
-fn drawable(v: f64) -> bool {
-    v.is_finite() && v > 0.0
-}
-
 impl Plot {
-    /// An empty plot.
+    /// An empty plot, log–log.
     pub fn new(stem: &str, title: &str, note: &str, axes: [&str; 2]) -> Self {
         Self {
             stem: stem.to_owned(),
             title: title.to_owned(),
             note: note.to_owned(),
             axes: axes.map(str::to_owned),
+            scales: [Scale::Log; 2],
             series: Vec::new(),
             slopes: Vec::new(),
             levels: Vec::new(),
+            curves: Vec::new(),
         }
+    }
+
+    /// The same plot on other axes.
+    #[must_use]
+    pub fn on(mut self, scales: [Scale; 2]) -> Self {
+        self.scales = scales;
+        self
     }
 
     /// The series that is called `name`, made if there is none.
@@ -181,21 +192,20 @@ impl Plot {
             .with_context(|| format!("drawing {}", path.display()))
     }
 
-    /// Range of the drawable values of one axis, widened to have some air.
-    fn range(&self, value: impl Fn(&Point) -> f64, more: &[f64]) -> Range<f64> {
-        let bands = self.series.iter().flat_map(|s| &s.points);
-        let values = bands.map(value).chain(more.iter().copied());
-        let (lo, hi) = values
-            .filter(|v| drawable(*v))
-            .fold((f64::INFINITY, 0.0f64), |(lo, hi), v| {
-                (lo.min(v), hi.max(v))
-            });
-        if lo > hi {
-            return 0.1..10.0;
-        }
-        // never less than half a decade, or there would be hardly a tick
-        let air = (1.8 / (hi / lo).sqrt()).max(1.2);
-        lo / air..hi * air
+    /// Ranges of the two axes.
+    fn ranges(&self) -> [Range<f64>; 2] {
+        let points = || self.series.iter().flat_map(|s| &s.points);
+        let curves = || self.curves.iter().flat_map(|c| &c.0);
+        let bands = points().filter_map(|p| p.band).flatten();
+        let levels = self.levels.iter().map(|l| l.0);
+        let x = points().map(|p| p.x).chain(curves().map(|c| c[0]));
+        let y = points().map(|p| p.y).chain(levels).chain(bands);
+        // a law may leave the picture upwards
+        [self.scales[0].range(x), self.scales[1].range(y)]
+    }
+
+    fn drawable(&self, x: f64, y: f64) -> bool {
+        self.scales[0].holds(x) && self.scales[1].holds(y)
     }
 
     fn draw(&self, path: &Path) -> Result<()> {
@@ -206,16 +216,16 @@ impl Plot {
             .map_err(broken)?;
         let wide = SIZE.0 as i32 - 190;
         let (area, legend) = root.split_horizontally(wide);
-        let levels: Vec<f64> = self.levels.iter().map(|l| l.0).collect();
-        let points = self.series.iter().flat_map(|s| &s.points);
-        let bands = points.filter_map(|p| p.band).flatten();
-        let levels: Vec<f64> = levels.into_iter().chain(bands).collect();
-        let (x, y) = (self.range(|p| p.x, &[]), self.range(|p| p.y, &levels));
+        let [x, y] = self.ranges();
+        let [across, up] = [(0, &x), (1, &y)].map(|(n, range)| Axis {
+            scale: self.scales[n],
+            range: range.clone(),
+        });
         let mut chart = ChartBuilder::on(&area)
             .margin(10)
             .x_label_area_size(46)
             .y_label_area_size(66)
-            .build_cartesian_2d(Decades(x.clone()), Decades(y.clone()))
+            .build_cartesian_2d(across, up)
             .map_err(broken)?;
         chart
             .configure_mesh()
@@ -231,7 +241,7 @@ impl Plot {
             .map_err(broken)?;
         self.guides(&mut chart, &x, &y)?;
         for (n, series) in self.series.iter().enumerate() {
-            curve(&mut chart, series, n, y.end)?;
+            self.curve(&mut chart, series, n, y.end)?;
         }
         self.legend(&legend)?;
         root.present().map_err(broken)
@@ -239,7 +249,10 @@ impl Plot {
 
     /// Faint slopes and levels.
     fn guides(&self, chart: &mut Chart<'_, '_>, x: &Range<f64>, y: &Range<f64>) -> Result<()> {
-        let middle = ((x.start * x.end).sqrt(), (y.start * y.end).sqrt());
+        let middle = (
+            self.scales[0].between(x, 0.5),
+            self.scales[1].between(y, 0.5),
+        );
         let mut line = |points: Vec<(f64, f64)>, label: &str| -> Result<()> {
             let inside = points.into_iter().filter(|(_, v)| y.contains(v));
             let inside: Vec<(f64, f64)> = inside.collect();
@@ -258,17 +271,21 @@ impl Plot {
             Ok(())
         };
         let along = |f: &dyn Fn(f64) -> f64| {
-            let ratio = x.end / x.start;
             (0..=60)
-                .map(|n| x.start * ratio.powf(f64::from(n) / 60.0))
+                .map(|n| self.scales[0].between(x, f64::from(n) / 60.0))
                 .map(|x| (x, f(x)))
                 .collect::<Vec<_>>()
         };
-        for (slope, label) in &self.slopes {
+        let powers = self.scales == [Scale::Log; 2];
+        for (slope, label) in self.slopes.iter().filter(|_| powers) {
             line(along(&|x| middle.1 * (x / middle.0).powf(*slope)), label)?;
         }
         for (level, label) in &self.levels {
             line(along(&|_| *level), label)?;
+        }
+        for (curve, label) in &self.curves {
+            let points = curve.iter().filter(|p| x.contains(&p[0]));
+            line(points.map(|&[u, v]| (u, v)).collect(), label)?;
         }
         Ok(())
     }
@@ -302,39 +319,44 @@ fn mark(n: usize) -> (i32, ShapeStyle) {
     }
 }
 
-/// Line, points, spread and failures of one series.
-fn curve(chart: &mut Chart<'_, '_>, series: &Series, n: usize, top: f64) -> Result<()> {
-    let colour = COLOURS[n % COLOURS.len()];
-    let (size, style) = mark(n);
-    let good = || {
+impl Plot {
+    /// Line, points, spread and failures of one series.
+    fn curve(&self, chart: &mut Chart<'_, '_>, series: &Series, n: usize, top: f64) -> Result<()> {
+        let colour = COLOURS[n % COLOURS.len()];
+        let (size, style) = mark(n);
+        let good = || {
+            let points = series.points.iter();
+            points.filter(|p| self.drawable(p.x, p.y))
+        };
+        chart
+            .draw_series(LineSeries::new(
+                good().map(|p| (p.x, p.y)),
+                colour.stroke_width(2),
+            ))
+            .map_err(broken)?;
+        chart
+            .draw_series(good().map(|p| Circle::new((p.x, p.y), size, style)))
+            .map_err(broken)?;
+        let bands = good().filter_map(|p| {
+            let [low, high] = p
+                .band
+                .filter(|b| b.iter().all(|v| self.scales[1].holds(*v)))?;
+            Some(PathElement::new(
+                vec![(p.x, low), (p.x, high)],
+                colour.mix(0.5).stroke_width(1),
+            ))
+        });
+        chart.draw_series(bands).map_err(broken)?;
         let points = series.points.iter();
-        points.filter(|p| drawable(p.x) && drawable(p.y))
-    };
-    chart
-        .draw_series(LineSeries::new(
-            good().map(|p| (p.x, p.y)),
-            colour.stroke_width(2),
-        ))
-        .map_err(broken)?;
-    chart
-        .draw_series(good().map(|p| Circle::new((p.x, p.y), size, style)))
-        .map_err(broken)?;
-    let bands = good().filter_map(|p| {
-        let [low, high] = p.band.filter(|b| b.iter().all(|v| drawable(*v)))?;
-        Some(PathElement::new(
-            vec![(p.x, low), (p.x, high)],
-            colour.mix(0.5).stroke_width(1),
-        ))
-    });
-    chart.draw_series(bands).map_err(broken)?;
-    let failed = series.points.iter().filter(|p| p.failed && drawable(p.x));
-    chart
-        .draw_series(failed.map(|p| {
-            let y = if drawable(p.y) { p.y } else { top };
-            Cross::new((p.x, y), 6, colour.stroke_width(2))
-        }))
-        .map_err(broken)?;
-    Ok(())
+        let failed = points.filter(|p| p.failed && self.scales[0].holds(p.x));
+        chart
+            .draw_series(failed.map(|p| {
+                let y = if self.scales[1].holds(p.y) { p.y } else { top };
+                Cross::new((p.x, y), 6, colour.stroke_width(2))
+            }))
+            .map_err(broken)?;
+        Ok(())
+    }
 }
 
 fn broken<E: std::fmt::Display>(e: E) -> anyhow::Error {

@@ -28,3 +28,26 @@ fn an_empty_plot_is_no_error() {
     let plot = Plot::new("p", "Nothing", "", ["x", "y"]);
     plot.write(dir.path()).expect("written");
 }
+
+#[test]
+fn other_axes_draw_zeros_negatives_and_laws() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let mut plot =
+        Plot::new("p", "Linear", "", ["tilt", "ripple"]).on([Scale::Linear, Scale::Linear]);
+    plot.series("a").extend([
+        Point::at(0.0, -1.0),
+        Point::at(1.0, 0.0),
+        Point::at(2.0, 4.0),
+    ]);
+    plot.curves
+        .push((vec![[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]], "a law".to_owned()));
+    plot.slopes.push((1.0, "not here".to_owned()));
+    plot.write(dir.path()).expect("written");
+    let svg = std::fs::read_to_string(dir.path().join("p.svg")).expect("a picture");
+    assert_eq!(
+        svg.matches("<circle").count(),
+        4,
+        "three points and the legend's"
+    );
+    assert!(svg.contains("a law") && !svg.contains("not here"));
+}

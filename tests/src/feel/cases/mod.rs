@@ -1,0 +1,71 @@
+//! The hard cases, each a function that measures and judges.
+//!
+//! A case's criterion is never weaker than what was asked for. Where what was asked for cannot be meant
+//! so, the case says why and what it judges instead.
+
+pub mod gaps;
+pub mod heat;
+pub mod impact;
+pub mod press;
+
+use serde::Serialize;
+
+/// What a hard case asked for and what was measured.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Case {
+    /// 1 to 42.
+    pub id: u8,
+    /// In a few words.
+    pub name: &'static str,
+    /// What is asked for.
+    pub criterion: String,
+    /// What was measured, with units.
+    pub measured: String,
+    /// Whether all of it holds.
+    pub pass: bool,
+}
+
+/// Measures a case.
+pub type Measure = fn() -> Case;
+
+/// Every case with its number, in order.
+pub const CASES: &[(u8, Measure)] = &[
+    (1, press::still),
+    (2, press::bad_device),
+    (3, press::onset),
+    (4, impact::taps),
+    (5, impact::saturated),
+    (14, gaps::dropped_frames),
+    (15, gaps::jitter),
+    (16, gaps::glitch),
+    (41, heat::minute_at_the_limit),
+];
+
+/// The case with a number, measured now; `None` where there is none.
+pub fn case(id: u8) -> Option<Case> {
+    let (_, measure) = CASES.iter().find(|(n, _)| *n == id)?;
+    Some(measure())
+}
+
+/// The worst of several figures and where it was.
+#[derive(Debug, Clone, Default)]
+struct Worst {
+    value: f64,
+    place: String,
+}
+
+impl Worst {
+    /// Notes a figure; `place` is only made where it is the worst so far.
+    fn note(&mut self, value: f64, place: impl Fn() -> String) {
+        if value.is_nan() || value > self.value || self.place.is_empty() {
+            self.value = value;
+            self.place = place();
+        }
+    }
+
+    /// "1.23 mm (where)".
+    fn words(&self, unit: &str) -> String {
+        let value = crate::report::table::short(Some(self.value));
+        format!("{value} {unit} ({})", self.place)
+    }
+}

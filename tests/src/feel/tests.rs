@@ -1,0 +1,76 @@
+use super::cases::{CASES, case};
+use super::setup::Spec;
+use super::{Bench, Hand, map, press};
+
+#[test]
+fn every_case_is_there_once_and_in_order() {
+    assert!(CASES.windows(2).all(|w| w[0].0 < w[1].0));
+    assert!(CASES.iter().all(|(id, _)| (1..=42).contains(id)));
+}
+
+/// A test for each case: what it measured is its message.
+macro_rules! hard_cases {
+    ($($name:ident: $id:literal,)*) => {
+        $(
+            #[test]
+            fn $name() {
+                let case = case($id).expect("a case");
+                assert_eq!(case.id, $id);
+                assert!(case.pass, "{}: {}\nmeasured: {}", case.name, case.criterion, case.measured);
+            }
+        )*
+
+        #[test]
+        fn every_case_has_its_test() {
+            let tested = [$($id,)*];
+            assert!(CASES.iter().map(|(id, _)| *id).eq(tested));
+        }
+    };
+}
+
+hard_cases! {
+    case_01_a_press_is_still: 1,
+    case_02_a_press_on_a_bad_device_does_not_grow: 2,
+    case_03_the_linear_loop_swings_where_the_law_says: 3,
+    case_04_a_tap_gives_no_more_than_it_got: 4,
+    case_05_a_saturated_impact_leaves_the_proxy_outside: 5,
+    case_14_dropped_frames_hold_then_fade: 14,
+    case_15_jitter_and_stalls_give_no_energy: 15,
+    case_16_a_broken_sample_is_not_felt: 16,
+    case_41_a_minute_at_the_limit_is_cooled: 41,
+}
+
+#[test]
+fn the_same_run_gives_the_same_bits() {
+    let run = || press::pressed(&Spec::flat().with(Hand::LIGHT, 1), 1.0);
+    let (a, b) = (run(), run());
+    assert_eq!(a.trace.records, b.trace.records);
+}
+
+#[test]
+fn kept_inputs_give_the_same_ticks_again() {
+    let spec = Spec::flat().with(Hand::LIGHT, 2);
+    let mut bench = Bench::new(&spec);
+    bench.kept = Some(Vec::new());
+    bench.faults.jitter_micros = 300;
+    bench.run_in();
+    press::meet(&mut bench, 100.0);
+    press::push(&mut bench, 0.9, 0.5, 100.0);
+    bench.run(0.5);
+    let mut servo = spec.servo();
+    let inputs = bench.kept.take().expect("inputs");
+    let outputs = inputs
+        .iter()
+        .map(|i| servo.tick(i.sample.as_ref(), &i.requests));
+    assert_eq!(outputs.last(), bench.output);
+}
+
+#[test]
+fn a_wall_without_a_servo_meets_the_delay_law() {
+    for delay in [0, 1, 3] {
+        let spec = map::linear(0.5, delay);
+        let found = map::onset_n_per_m(&spec, Bench::with_wall);
+        let law = map::delay_law_n_per_m(0.5, delay);
+        assert!((found / law - 1.0).abs() < 0.08, "{delay}: {found} {law}");
+    }
+}
