@@ -341,6 +341,66 @@ fn tools_that_cannot_be() {
 }
 
 #[test]
+fn feels_that_cannot_be() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    let large = b"#".repeat(70_000);
+    let cases: [Spoilt<'_>; 8] = [
+        (
+            "words.toml",
+            b"force_scale is low",
+            &["line 1", "standard.toml"],
+        ),
+        ("binary.toml", b"\n\xff\xfe", &["line 2", "UTF-8"]),
+        (
+            "unknown.toml",
+            b"[coupling]\nstifness = 1",
+            &["line 2", "coupling.stifness", "coupling.stiffness_n_per_mm"],
+        ),
+        (
+            "type.toml",
+            b"[law]\nfeed_ratio = '1'",
+            &["line 2", "law.feed_ratio", "string", "give a number"],
+        ),
+        (
+            "range.toml",
+            b"[coupling]\n\nstiffness_n_per_mm = 5",
+            &[
+                "line 3",
+                "coupling.stiffness_n_per_mm",
+                "5 N/mm",
+                "0.05 to 0.7",
+            ],
+        ),
+        (
+            "nan.toml",
+            b"force_scale = nan",
+            &["force_scale", "NaN", "0.001 to 1"],
+        ),
+        (
+            "twice.toml",
+            b"[law]\nfeed_ratio = 1\nfeed_ratio = 1",
+            &["line 3", "duplicate"],
+        ),
+        ("large.toml", &large, &["64 KiB", "--feel"]),
+    ];
+    for (name, bytes, words) in cases {
+        let path = file(dir, name, bytes);
+        let all = [&[name], words].concat();
+        refused(dir, &["haptics", "--feel", &path], &all);
+        refused(dir, &["demo", "--headless", "--feel", &path], &all);
+    }
+    let missing = dir.join("missing.toml").display().to_string();
+    let words = ["missing.toml", "cannot be read", "--feel"];
+    refused(dir, &["haptics", "--feel", &missing], &words);
+    refused(
+        dir,
+        &["haptics", "--print-feel", "--feel", &missing],
+        &words,
+    );
+}
+
+#[test]
 fn viewers_and_folders_that_cannot_be() {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
@@ -391,6 +451,15 @@ fn options_that_make_no_sense() {
             &["fake-omni", "--seconds", "inf"],
             ["--seconds", "inf", "above 0"],
         ),
+        (
+            &["demo", "--push", "0"],
+            ["--push", "'0'", "newtons above 0, at most 3"],
+        ),
+        (
+            &["demo", "--push", "3.1"],
+            ["--push", "3.1", "newtons above 0, at most 3"],
+        ),
+        (&["demo", "--push", "nan"], ["--push", "nan", "at most 3"]),
         (
             &["demo", "--disturb-viewer", "burn@1"],
             ["--disturb-viewer", "burn@1", "kill@SECOND"],

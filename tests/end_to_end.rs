@@ -185,3 +185,45 @@ fn a_real_shoulder_is_drilled_and_reamed_and_the_humerus_spared() {
     check(&report, axis);
     check_picture(dir.path(), &report, &said);
 }
+
+/// A constant push with parameters from a file: the report has the tip's way through the tissues, and the
+/// parameters in force.
+#[test]
+fn a_push_is_reported_tissue_by_tissue() {
+    let _turn = one_at_a_time();
+    let dir = tempfile::tempdir().expect("a folder");
+    let (out, feel) = (dir.path().join("push.json"), dir.path().join("feel.toml"));
+    std::fs::write(&feel, "[cancellous]\nenergy_n_per_mm2 = 30\n").expect("written");
+    let (out_text, feel) = (out.display().to_string(), feel.display().to_string());
+    let args = [
+        "demo",
+        "--headless",
+        "--voxel-mm",
+        "1.2",
+        "--push",
+        "2.5",
+        "--seconds",
+        "11",
+        "--feel",
+        &feel,
+        "--json",
+        &out_text,
+    ];
+    let output = run(OSTEON, &args, dir.path(), Duration::from_mins(1));
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{text}");
+    assert!(text.contains("2.5 N pushed"), "{text}");
+    let report = json(&out);
+    let n = |pointer: &str| number(&report, pointer);
+    assert!((n("/feel/cancellous.energy_n_per_mm2") - 30.0).abs() < 1e-9);
+    assert!((n("/push_n") - 2.5).abs() < 1e-9);
+    let first = &report["passages"][0];
+    assert_eq!(first["tool"], "reamer", "{first}");
+    assert_eq!(first["tissue"], "cartilage", "{first}");
+    // how long it takes is a figure of the machine; that it came in, by the law's way, is not
+    assert!(n("/passages/0/reached_mm") > 0.2, "{first}");
+    assert!(n("/passages/0/expected_s") > 0.1, "{first}");
+    assert!(n("/passages/0/mean_force_n") > 0.5 && n("/passages/0/peak_force_n") < 3.31);
+    assert!(n("/removed_by_tool_mm3/reamer") > 0.0);
+    assert!(n("/removed_by_tool_mm3/peg_drill") < 1e-9);
+}

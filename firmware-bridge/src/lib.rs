@@ -12,9 +12,11 @@
 
 pub mod doctor;
 pub mod fake;
+pub mod feel;
 pub mod haptics;
 pub mod launcher;
 pub mod link;
+pub mod passage;
 pub mod progress;
 pub mod rt;
 pub mod scene;

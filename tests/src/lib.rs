@@ -43,11 +43,16 @@ pub fn one_at_a_time() -> Turn {
     }
 }
 
+/// Where real data lie: `OSTEON_DATA`, else `../shared/data` beside the workspace.
+pub fn data_folder() -> PathBuf {
+    std::env::var_os("OSTEON_DATA")
+        .map_or_else(|| workspace().join("../shared/data"), PathBuf::from)
+}
+
 /// Real data: `OSTEON_DATA`, else `../shared/data` beside the workspace. Where it is missing the
 /// test says so aloud and is skipped.
 pub fn data(test: &str) -> Option<PathBuf> {
-    let dir = std::env::var_os("OSTEON_DATA")
-        .map_or_else(|| workspace().join("../shared/data"), PathBuf::from);
+    let dir = data_folder();
     let shoulders = dir.join("lidc0314_shoulders");
     if shoulders.is_dir() {
         return Some(shoulders);

@@ -9,7 +9,7 @@ mod client;
 mod dirty;
 mod mirror;
 mod publisher;
-mod record;
+pub(crate) mod record;
 mod report;
 mod resync;
 mod servo_loop;
@@ -22,6 +22,7 @@ mod tests;
 pub use report::SessionReport;
 pub use stats::{LATE_NS, Quantiles};
 
+use crate::feel::{self, FeelArgs};
 use crate::scene::SceneArgs;
 use crate::tools::ToolArgs;
 use std::path::PathBuf;
@@ -41,6 +42,9 @@ pub struct HapticsArgs {
     /// The tools.
     #[command(flatten)]
     pub tools: ToolArgs,
+    /// The feel.
+    #[command(flatten)]
+    pub feel: FeelArgs,
     /// End the session after this many seconds [default: run until Ctrl-C or Stop]
     #[arg(long, value_name = "S", value_parser = positive)]
     pub seconds: Option<f64>,
@@ -88,5 +92,8 @@ fn force_limit(text: &str) -> Result<f64, String> {
 
 /// Runs the haptics process to the end of its session.
 pub fn run(args: &HapticsArgs) -> anyhow::Result<()> {
+    if feel::printed(&args.feel)? {
+        return Ok(());
+    }
     session::run(args)
 }

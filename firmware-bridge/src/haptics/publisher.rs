@@ -10,6 +10,7 @@ use super::mirror::Mirror;
 use super::record::{Record, TickRecord};
 use super::socket;
 use super::stats::Stats;
+use crate::passage::Passages;
 use glam::DVec3;
 use interprocess::local_socket::Listener;
 use osteon_protocol::device::DriveState;
@@ -32,6 +33,7 @@ const MAX_RECORDS: usize = 8192;
 pub(crate) struct Publisher {
     pub mirror: Mirror,
     pub stats: Stats,
+    pub passages: Passages,
     pub records: Consumer<Record>,
     pub requests: Producer<Request>,
     pub listener: Listener,
@@ -150,6 +152,7 @@ impl Publisher {
                     );
                 }
                 self.stats.add(tick);
+                self.passages.add(tick);
                 self.log_pose(tick);
             }
             Record::Brick(_) => {}

@@ -2,10 +2,13 @@
 
 use super::publisher::{ViewerCounts, wire_digest};
 use super::stats::{Quantiles, Stats};
+use crate::feel::in_force;
 use crate::link::LinkStats;
+use crate::passage::Passage;
 use crate::scene::Scene;
 use osteon_protocol::ipc::Digest;
 use osteon_sim_core::cut::{Cut, CutDigest};
+use osteon_sim_core::feel::Feel;
 use osteon_sim_core::tissue::Tissue;
 use osteon_sim_core::tool::Tool;
 use serde::Serialize;
@@ -115,6 +118,10 @@ pub struct SessionReport {
     pub removed_centroid_lps_mm: Option<[f64; 3]>,
     /// Its distance from the planned axis, mm.
     pub removed_centroid_off_axis_mm: Option<f64>,
+    /// By tool and layer along the planned axis: time of the tip in it, force at the stylus.
+    pub passages: Vec<Passage>,
+    /// Every parameter of the feel by its key, in the units of its table.
+    pub feel: BTreeMap<&'static str, f64>,
     /// Largest force at the stylus, N.
     pub peak_force_n: f64,
     /// Interventions of the output guards.
@@ -137,7 +144,9 @@ pub struct SessionReport {
 pub(crate) struct Facts<'a> {
     pub scene: &'a Scene,
     pub tools: &'a [Tool],
+    pub feel: &'a Feel,
     pub stats: &'a Stats,
+    pub passages: Vec<Passage>,
     pub servo_digest: CutDigest,
     /// The servo's, when it had stopped.
     pub cut: &'a Cut,
@@ -193,6 +202,8 @@ impl SessionReport {
                 .map(|c| facts.scene.bone.lps_from_bone().point(c).to_array()),
             removed_centroid_off_axis_mm: centroid
                 .map(|c| plan_from_bone.point(c).truncate().length()),
+            passages: facts.passages.clone(),
+            feel: in_force(facts.feel),
             peak_force_n: stats.peak_force_n,
             guard_events: stats.last.map_or(0, |t| t.guard_events),
             ring_overflows: stats.last.map_or(0, |t| t.ring_overflows),

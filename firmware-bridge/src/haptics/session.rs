@@ -13,7 +13,9 @@ use super::resync::Resync;
 use super::servo_loop::{self, Ending, Finished, ServoThread};
 use super::stats::Stats;
 use super::{HapticsArgs, default_socket, socket};
+use crate::feel;
 use crate::link::{DeviceLink, OpenLink};
+use crate::passage::{Layers, Passages};
 use crate::progress::Progress;
 use crate::rt::{self, RtReport};
 use crate::scene::{self, Scene};
@@ -40,6 +42,13 @@ const VISIT: Duration = Duration::from_millis(4);
 /// Longest wait for a viewer's last digest.
 const DIGEST_TIMEOUT: Duration = Duration::from_secs(10);
 
+/// What a session is about.
+struct Session<'a> {
+    tools: &'a [Tool],
+    scene: &'a Scene,
+    feel: &'a Feel,
+}
+
 /// A running servo thread.
 struct Running {
     thread: JoinHandle<Finished>,
@@ -53,6 +62,7 @@ pub(crate) fn run(args: &HapticsArgs) -> anyhow::Result<()> {
         rt::die_with_parent().context("cannot ask to end with the parent process")?;
     }
     let stop = stop::on_signals()?;
+    let feel = feel::load(&args.feel)?;
     let LoadedTools { tools, notes } = tools::load(&args.tools, Detail::Full)?;
     for note in notes {
         warn(&note);
@@ -62,7 +72,16 @@ pub(crate) fn run(args: &HapticsArgs) -> anyhow::Result<()> {
     progress.finish();
     let socket_path = args.socket.clone().unwrap_or_else(default_socket);
     let listener = socket::listen(&socket_path)?;
-    let result = with_listener(args, &stop, &tools, &scene, listener);
+    let result = with_listener(
+        args,
+        &stop,
+        &Session {
+            tools: &tools,
+            scene: &scene,
+            feel: &feel,
+        },
+        listener,
+    );
     // the listener takes its socket away itself; one that is left over is replaced by the next session
     if let Err(e) = std::fs::remove_file(&socket_path)
         && e.kind() != std::io::ErrorKind::NotFound
@@ -75,10 +94,10 @@ pub(crate) fn run(args: &HapticsArgs) -> anyhow::Result<()> {
 fn with_listener(
     args: &HapticsArgs,
     stop: &Arc<AtomicBool>,
-    tools: &[Tool],
-    scene: &Scene,
+    session: &Session<'_>,
     listener: interprocess::local_socket::Listener,
 ) -> anyhow::Result<()> {
+    let &Session { tools, scene, feel } = session;
     let pose_log = pose_log(args)?;
     if stop.load(Ordering::Relaxed) {
         bail!("asked to end before the session began");
@@ -87,11 +106,15 @@ fn with_listener(
     let link_name = clip(&link.describe()).to_owned();
     let (record_in, record_out) = rtrb::RingBuffer::new(RING_RECORDS);
     let (request_in, request_out) = rtrb::RingBuffer::new(64);
-    let feel = Feel::default();
-    let servo = make_servo(args, scene, tools, &link, &feel)?;
+    let servo = make_servo(args, session, &link)?;
     let mut publisher = Publisher {
         mirror: Mirror::new(Arc::clone(&scene.bone), tools.to_vec()),
         stats: Stats::new(),
+        passages: Passages::new(
+            Layers::along(&scene.bone, &scene.bone_from_plan),
+            scene.bone_from_plan.inverse(),
+            tools.len(),
+        ),
         records: record_out,
         requests: request_in,
         listener,
@@ -121,7 +144,7 @@ fn with_listener(
         scene.bone.chunk_count()
     ));
     serve_until_end(args, stop, &mut publisher, &running);
-    finish(args, tools, scene, publisher, running)
+    finish(args, session, publisher, running)
 }
 
 fn pose_log(args: &HapticsArgs) -> anyhow::Result<Option<Box<dyn Write + Send>>> {
@@ -147,10 +170,8 @@ fn open_link(device: &str) -> anyhow::Result<OpenLink> {
 
 fn make_servo(
     args: &HapticsArgs,
-    scene: &Scene,
-    tools: &[Tool],
+    session: &Session<'_>,
     link: &dyn DeviceLink,
-    feel: &Feel,
 ) -> anyhow::Result<Servo> {
     let info = link.info();
     if info.model != 1 {
@@ -160,6 +181,7 @@ fn make_servo(
             info.model
         );
     }
+    let &Session { tools, scene, feel } = session;
     let setup = ServoSetup {
         bone: Arc::clone(&scene.bone),
         tools: tools.to_vec(),
@@ -254,11 +276,11 @@ fn serve_until_end(
 /// Stops the servo, brings every viewer to the last brick, compares digests, reports.
 fn finish(
     args: &HapticsArgs,
-    tools: &[Tool],
-    scene: &Scene,
+    session: &Session<'_>,
     mut publisher: Publisher,
     running: Running,
 ) -> anyhow::Result<()> {
+    let &Session { tools, scene, feel } = session;
     running.stop.store(true, Ordering::Relaxed);
     let finished = running.thread.join().map_err(|payload| {
         let message = servo_loop::panic_message(payload.as_ref());
@@ -282,7 +304,9 @@ fn finish(
     let report = SessionReport::new(&Facts {
         scene,
         tools,
+        feel,
         stats: &publisher.stats,
+        passages: publisher.passages.report(tools),
         servo_digest,
         cut: finished.servo.cut(),
         mirror_digest,

@@ -3,6 +3,7 @@
 
 mod child;
 mod disturb;
+mod plan;
 mod report;
 mod stroke;
 mod supervise;
@@ -11,6 +12,7 @@ mod truth;
 pub use disturb::Disturbance;
 pub use truth::PoseError;
 
+use crate::feel::{self, FeelArgs};
 use crate::scene::SceneArgs;
 use crate::tools::ToolArgs;
 use std::path::PathBuf;
@@ -24,12 +26,19 @@ pub struct DemoArgs {
     /// The tools.
     #[command(flatten)]
     pub tools: ToolArgs,
+    /// The feel.
+    #[command(flatten)]
+    pub feel: FeelArgs,
+    /// Instead of drilling and reaming, press the second tool straight along the planned axis with this
+    /// constant force at the stylus, N, for at most 25 s; the report has its time through each tissue
+    #[arg(long, value_name = "N", value_parser = push)]
+    pub push: Option<f64>,
     /// No window: the viewer process draws offscreen
     #[arg(long)]
     pub headless: bool,
-    /// Length of the session, s; the hand needs 18
-    #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = crate::haptics::positive)]
-    pub seconds: f64,
+    /// Length of the session, s; the hand needs 18 [default: 20; 34 with --push]
+    #[arg(long, value_name = "S", value_parser = crate::haptics::positive)]
+    pub seconds: Option<f64>,
     /// Write the session report as JSON
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -47,6 +56,27 @@ pub struct DemoArgs {
     pub keep_files: Option<PathBuf>,
 }
 
+/// Strongest push, N.
+const MAX_PUSH_N: f64 = 3.0;
+
+/// A push, from the command line.
+fn push(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v > 0.0 && v <= MAX_PUSH_N => Ok(v),
+        _ => Err(format!(
+            "give a number of newtons above 0, at most {MAX_PUSH_N}"
+        )),
+    }
+}
+
+impl DemoArgs {
+    /// Length of the session, s.
+    fn seconds(&self) -> f64 {
+        let usual = if self.push.is_some() { 34.0 } else { 20.0 };
+        self.seconds.unwrap_or(usual)
+    }
+}
+
 /// What this machine can show, as the viewer's own probe found it.
 #[derive(Debug, Clone)]
 pub struct Screen {
@@ -58,5 +88,8 @@ pub struct Screen {
 
 /// Runs the demonstration. `screen` is asked only where a window is wanted.
 pub fn run(args: &DemoArgs, screen: impl FnOnce() -> Screen) -> anyhow::Result<()> {
+    if feel::printed(&args.feel)? {
+        return Ok(());
+    }
     supervise::run(args, &screen())
 }

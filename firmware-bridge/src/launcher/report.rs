@@ -1,6 +1,7 @@
 //! The report that ends a demonstration: text for people, JSON for machines.
 
 use super::DemoArgs;
+use super::plan::{Plan, Push};
 use super::supervise::Files;
 use super::truth::{last_torque, pose_error};
 use anyhow::Context as _;
@@ -11,6 +12,7 @@ use std::process::ExitStatus;
 pub(crate) fn write(
     args: &DemoArgs,
     files: &Files,
+    plan: &Plan,
     viewer: Option<&ExitStatus>,
 ) -> anyhow::Result<()> {
     let haptics = files.path("haptics.json");
@@ -21,6 +23,9 @@ pub(crate) fn write(
     let mut report: Value = serde_json::from_slice(&bytes)
         .with_context(|| format!("{}: not a report", haptics.display()))?;
     join(&mut report, files, viewer)?;
+    if let Some(push) = &plan.push {
+        join_push(&mut report, push);
+    }
     let written = match &args.json {
         Some(path) => std::fs::write(path, format!("{report:#}\n"))
             .with_context(|| format!("{}: cannot write", path.display())),
@@ -52,6 +57,18 @@ fn join(report: &mut Value, files: &Files, viewer: Option<&ExitStatus>) -> anyho
     }
     report["viewer"]["exit"] = json!(viewer.map(ToString::to_string));
     Ok(())
+}
+
+/// What the cutting law alone expects of the push, beside what was measured.
+fn join_push(report: &mut Value, push: &Push) {
+    report["push_n"] = json!(push.newtons);
+    let Some(passages) = report["passages"].as_array_mut() else {
+        return;
+    };
+    let of_tool = passages.iter_mut().filter(|p| p["tool"] == push.tool);
+    for (passage, expected) in of_tool.zip(&push.expected_s) {
+        passage["expected_s"] = json!(expected);
+    }
 }
 
 /// Reads figures out of the joined report, for people: `-` where one is missing.
@@ -117,6 +134,54 @@ impl Figures<'_> {
         ))
     }
 
+    /// Time and force of each tool in each layer; nothing where no tool came near.
+    fn passages(&self) -> Option<String> {
+        let passages = self.0["passages"].as_array().filter(|p| !p.is_empty())?;
+        let push = match self.0["push_n"].as_f64() {
+            Some(push) => format!(", {push} N pushed"),
+            None => String::new(),
+        };
+        let mut lines = vec![format!(
+            "  passages    of the tip, along the planned axis{push}"
+        )];
+        lines.extend(passages.iter().map(|p| Figures(p).passage()));
+        Some(lines.join("\n"))
+    }
+
+    /// One of them; the figures are those of the passage.
+    fn passage(&self) -> String {
+        let layer = format!(
+            "    {:<9} {:<11} {} to {} mm",
+            self.word("/tool").replace('_', " "),
+            self.word("/tissue"),
+            self.number("/from_mm", 1),
+            self.number("/to_mm", 1)
+        );
+        let time = match (self.0["seconds"].as_f64(), self.0["reached_mm"].as_f64()) {
+            (Some(s), _) => format!("{s:.2} s"),
+            (None, Some(depth)) => {
+                let inside = self.number("/inside_s", 2);
+                format!("not passed in {inside} s, came to {depth:.2} mm")
+            }
+            (None, None) => "not reached".to_owned(),
+        };
+        let expected = match self.0.get("expected_s") {
+            Some(Value::Null) => " (by the law: not passed)".to_owned(),
+            Some(_) => format!(" (by the law: {} s)", self.number("/expected_s", 2)),
+            None => String::new(),
+        };
+        let force = if self.0["mean_force_n"].is_null() {
+            String::new()
+        } else {
+            format!(
+                "; mean {}, peak {} N",
+                self.number("/mean_force_n", 2),
+                self.number("/peak_force_n", 2)
+            )
+        };
+        format!("{layer}: {time}{expected}{force}")
+    }
+
     fn servo(&self) -> String {
         format!(
             "  servo       {} ticks in {} s, {} late (> 0.5 ms), {} periods skipped\n              \
@@ -169,9 +234,8 @@ fn text(report: &Value, args: &DemoArgs) -> String {
         figures.viewer(),
         format!("  ended       {}", figures.word("/ended")),
     ];
-    if let Some(line) = figures.resampling() {
-        lines.insert(2, line);
-    }
+    let more = [figures.resampling(), figures.passages()];
+    lines.splice(2..2, more.into_iter().flatten());
     for (name, file) in [("picture", &args.screenshot), ("json", &args.json)] {
         if let Some(path) = file.as_ref().filter(|p| p.exists()) {
             lines.push(format!("  {name:<11} {}", path.display()));

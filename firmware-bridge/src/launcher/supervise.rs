@@ -2,14 +2,12 @@
 
 use super::child::Process;
 use super::disturb::Act;
+use super::plan::Plan;
 use super::report;
-use super::stroke::drill_and_ream;
 use super::{DemoArgs, Screen};
 use crate::haptics::socket::{private_dir, runtime_dir};
-use crate::progress::Progress;
-use crate::scene::{self, SceneArgs};
+use crate::scene::SceneArgs;
 use crate::stop;
-use crate::tools::{self, Detail};
 use anyhow::{Context as _, anyhow, bail};
 use rustix::process::Signal;
 use std::io::{BufRead as _, BufReader};
@@ -72,14 +70,9 @@ pub(crate) fn run(args: &DemoArgs, screen: &Screen) -> anyhow::Result<()> {
     let stop = stop::on_signals()?;
     let mode = viewer_mode(args, screen);
     let files = Files::new(args)?;
-    let tools = tools::load(&args.tools, Detail::Elements)?.tools;
-    let mut progress = Progress::new("planning");
-    let scene = scene::load(&args.scene, &mut |stage, share| progress.show(stage, share))?;
-    progress.finish();
-    let stroke = drill_and_ream(&scene, &tools)?;
-    drop(scene);
+    let plan = Plan::new(args)?;
     let stroke_file = files.path("stroke.json");
-    std::fs::write(&stroke_file, serde_json::to_vec_pretty(&stroke)?)
+    std::fs::write(&stroke_file, serde_json::to_vec_pretty(&plan.stroke)?)
         .with_context(|| format!("{}: cannot write", stroke_file.display()))?;
     if let Some(picture) = &args.screenshot {
         check_writable(picture)?;
@@ -87,7 +80,7 @@ pub(crate) fn run(args: &DemoArgs, screen: &Screen) -> anyhow::Result<()> {
     let mut session = Session::start(args, &files, mode, &stop)?;
     let haptics = session.watch(args, &files, &stop)?;
     let viewer = session.end(haptics);
-    report::write(args, &files, viewer.as_ref())?;
+    report::write(args, &files, &plan, viewer.as_ref())?;
     if !haptics.success() {
         bail!("the haptics process ended with {haptics}; its reason is above");
     }
@@ -319,12 +312,15 @@ fn haptics_args(args: &DemoArgs, files: &Files) -> Vec<String> {
         "--pose-log".to_owned(),
         text(&files.path("poses.csv")),
         "--seconds".to_owned(),
-        args.seconds.to_string(),
+        args.seconds().to_string(),
         "--die-with-parent".to_owned(),
     ];
     list.extend(scene_args(&args.scene));
     if let Some(path) = &args.tools.tools {
         list.extend(["--tools".to_owned(), text(path)]);
+    }
+    if let Some(path) = &args.feel.feel {
+        list.extend(["--feel".to_owned(), text(path)]);
     }
     list
 }
@@ -376,7 +372,7 @@ fn viewer_args(args: &DemoArgs, files: &Files, mode: ViewerMode) -> Vec<String> 
         ViewerMode::Window => {
             if let Some(picture) = &args.screenshot {
                 // near the end, while everything still runs
-                let after = (args.seconds - 2.0).max(0.5);
+                let after = (args.seconds() - 2.0).max(0.5);
                 list.extend(["--window-screenshot".to_owned(), text(picture)]);
                 list.extend(["--screenshot-after".to_owned(), after.to_string()]);
             }

@@ -8,6 +8,7 @@ pub mod ablation;
 pub mod bench;
 pub mod cases;
 pub mod device;
+pub mod force_table;
 pub mod hand;
 pub mod map;
 pub mod peers;
