@@ -16,6 +16,8 @@ use glam::DVec3;
 
 /// Energy below this counts as made by the loop, mJ (encoder counts alone make 1.5 µJ).
 const TOLERANCE_MJ: f64 = -5e-3;
+/// An encoder count at the stylus, mm, at most.
+const COUNT_MM: f64 = 0.06;
 /// Share of a surplus that a tick out of contact keeps.
 const FORGET: f64 = 0.98;
 
@@ -73,7 +75,13 @@ impl Passivity {
         guard: &GuardFeel,
     ) -> (DVec3, bool) {
         let speed2 = velocity_mm_s.length_squared();
-        let coming = shown_n.dot(velocity_mm_s).max(0.0) * ahead_s;
+        // two encoder counts a tick are no motion that is known of
+        let moves = speed2 > (2.0 * COUNT_MM / tick_s).powi(2);
+        let coming = if moves {
+            shown_n.dot(velocity_mm_s).max(0.0) * ahead_s
+        } else {
+            0.0
+        };
         let energy_mj = self.energy_mj - coming;
         if energy_mj >= 0.0 || !(speed2 > 0.0 && speed2.is_finite()) {
             return (DVec3::ZERO, false);
@@ -129,9 +137,11 @@ mod tests {
         assert!((force.x + 0.4).abs() < 1e-12, "{force}");
         let (slow, _) = observer.damp(DVec3::X, (DVec3::ZERO, 0.0), 1e-3, &guard);
         assert!((slow.x + guard.passivity_n_s_per_mm).abs() < 1e-12);
-        // a push outwards at 50 mm/s for 2 ms gives another 0.1 mJ
-        let (coming, _) = observer.damp(velocity, (DVec3::X, 2e-3), 1e-3, &guard);
-        assert!((coming.x + 0.75).abs() < 1e-12, "{coming}");
+        // a push of 1 N outwards at 500 mm/s for 1 ms gives another 0.5 mJ; one count a tick gives nothing
+        let (coming, _) = observer.damp(velocity * 10.0, (DVec3::X, 1e-3), 1e-3, &guard);
+        assert!((coming.x + 0.52 / 0.5).abs() < 1e-12, "{coming}");
+        let (count, _) = observer.damp(velocity, (DVec3::X, 2e-3), 1e-3, &guard);
+        assert!((count.x + 0.4).abs() < 1e-12, "{count}");
         let (fast, _) = observer.damp(DVec3::X * 1e-200, (DVec3::ZERO, 0.0), 1e-3, &guard);
         assert!(fast.is_finite());
     }
