@@ -104,7 +104,12 @@ impl OutputChain {
             force -= self.velocity_mm_s * self.guard.damping_n_s_per_mm;
         }
         let coming = (self.shown_n, f64::from(delay_ticks) * self.tick_s);
-        let (damped, acted) = self.passivity.damp(clean, coming, self.tick_s, &self.guard);
+        let (damped, acted) = self.passivity.damp(
+            [clean, self.velocity_mm_s],
+            coming,
+            self.tick_s,
+            &self.guard,
+        );
         force += damped;
         if acted {
             self.counts.note(Guard::Passivity);

@@ -18,6 +18,9 @@ use glam::DVec3;
 const TOLERANCE_MJ: f64 = -5e-3;
 /// An encoder count at the stylus, mm, at most.
 const COUNT_MM: f64 = 0.06;
+/// Coulomb friction of a joint that even a smooth arm has, N·mm (0.02 N at the stylus): it burns what
+/// counting makes, K Δ²/2 a count, and the account knows it.
+const FRICTION_NMM: f64 = 2.7;
 /// Share of a surplus that a tick out of contact keeps.
 const FORGET: f64 = 0.98;
 
@@ -47,6 +50,10 @@ impl Passivity {
             let work = torque.dot(angles - before);
             if work.is_finite() {
                 self.energy_mj -= work;
+                let rubbed = FRICTION_NMM * (angles - before).abs().element_sum();
+                if self.energy_mj < 0.0 {
+                    self.energy_mj = (self.energy_mj + rubbed).min(0.0);
+                }
             }
         }
         self.last = Some((angles, applied_nmm));
@@ -64,24 +71,25 @@ impl Passivity {
         }
     }
 
-    /// The controller's force, N, at a velocity in mm/s, and whether the loop had made energy beyond
-    /// what counting makes. `shown_n` is the force that is on its way to the hand for `ahead_s` whatever
+    /// The controller's force, N, and whether the loop had made energy beyond what counting makes.
+    /// `velocity_mm_s`: as it was counted, and filtered: a slow stylus moves by single counts, which say
+    /// nothing of its speed. `shown_n` is the force that is on its way to the hand for `ahead_s` whatever
     /// is decided now: what it will give is counted as given.
     pub fn damp(
         &self,
-        velocity_mm_s: DVec3,
+        [counted, filtered]: [DVec3; 2],
         (shown_n, ahead_s): (DVec3, f64),
         tick_s: f64,
         guard: &GuardFeel,
     ) -> (DVec3, bool) {
-        let speed2 = velocity_mm_s.length_squared();
-        // two encoder counts a tick are no motion that is known of
-        let moves = speed2 > (2.0 * COUNT_MM / tick_s).powi(2);
-        let coming = if moves {
-            shown_n.dot(velocity_mm_s).max(0.0) * ahead_s
+        // two encoder counts a tick are no speed that is known of
+        let moves = counted.length_squared() > (2.0 * COUNT_MM / tick_s).powi(2);
+        let (velocity_mm_s, coming) = if moves {
+            (counted, shown_n.dot(counted).max(0.0) * ahead_s)
         } else {
-            0.0
+            (filtered, 0.0)
         };
+        let speed2 = velocity_mm_s.length_squared();
         let energy_mj = self.energy_mj - coming;
         if energy_mj >= 0.0 || !(speed2 > 0.0 && speed2.is_finite()) {
             return (DVec3::ZERO, false);
@@ -108,18 +116,19 @@ mod tests {
     fn a_spring_that_is_held_makes_the_energy_that_theory_says() {
         // in and out by steps Δ at stiffness K: each step in is paid late, each step out early, so the
         // loop makes K Δ² a step pair: exactly K Δ² · n over n steps in and n out
-        let (k, step, n) = (0.5, 0.1, 20);
+        let (k, step, n) = (5e5, 1e-4, 20);
         let mut observer = Passivity::default();
         let path = (0..=n).chain((0..n).rev());
         for i in path {
             let x = f64::from(i) * step;
             observer.observe(DVec3::X * x, DVec3::X * (-k * x));
         }
-        let made = -k * step * step * f64::from(n);
+        let made = k * step * step * f64::from(n);
+        let burnt = FRICTION_NMM * step * f64::from(n);
+        let found = -observer.energy_mj();
         assert!(
-            (observer.energy_mj() - made).abs() < 1e-12,
-            "{}",
-            observer.energy_mj()
+            found <= made + 1e-12 && found >= made - burnt,
+            "{found} {made}"
         );
     }
 
@@ -127,23 +136,27 @@ mod tests {
     fn damping_spends_what_was_made_and_no_more() {
         let guard = Feel::default().guard;
         let mut observer = Passivity::default();
-        observer.observe(DVec3::ZERO, DVec3::X * 1.0);
-        observer.observe(DVec3::X * 0.02, DVec3::ZERO);
-        assert!((observer.energy_mj() + 0.02).abs() < 1e-12);
-        let velocity = DVec3::X * 50.0;
-        let (force, acted) = observer.damp(velocity, (DVec3::ZERO, 0.0), 1e-3, &guard);
+        // 100 N·mm through 0.0002 rad, of which a smooth arm's friction burns 2.7 N·mm
+        observer.observe(DVec3::ZERO, DVec3::X * 100.0);
+        observer.observe(DVec3::X * 0.0002, DVec3::ZERO);
+        let made = 0.0002 * (100.0 - FRICTION_NMM);
+        assert!((observer.energy_mj() + made).abs() < 1e-12);
+        let still = (DVec3::ZERO, 0.0);
+        // −W/(T v²) below the limit
+        let (force, acted) = observer.damp([DVec3::X * 50.0; 2], still, 1e-3, &guard);
         assert!(acted);
-        // −W/(T v²) = 0.02/(1e-3 · 2500) = 8e-3 N·s/mm, below the limit
-        assert!((force.x + 0.4).abs() < 1e-12, "{force}");
-        let (slow, _) = observer.damp(DVec3::X, (DVec3::ZERO, 0.0), 1e-3, &guard);
+        assert!((force.x + made / 1e-3 / 50.0).abs() < 1e-12, "{force}");
+        let (slow, _) = observer.damp([DVec3::X; 2], still, 1e-3, &guard);
         assert!((slow.x + guard.passivity_n_s_per_mm).abs() < 1e-12);
-        // a push of 1 N outwards at 500 mm/s for 1 ms gives another 0.5 mJ; one count a tick gives nothing
-        let (coming, _) = observer.damp(velocity * 10.0, (DVec3::X, 1e-3), 1e-3, &guard);
-        assert!((coming.x + 0.52 / 0.5).abs() < 1e-12, "{coming}");
-        let (count, _) = observer.damp(velocity, (DVec3::X, 2e-3), 1e-3, &guard);
-        assert!((count.x + 0.4).abs() < 1e-12, "{count}");
-        let (fast, _) = observer.damp(DVec3::X * 1e-200, (DVec3::ZERO, 0.0), 1e-3, &guard);
-        assert!(fast.is_finite());
+        // a single count is not taken for a speed
+        let (count, _) = observer.damp([DVec3::X * 55.0, DVec3::X], still, 1e-3, &guard);
+        assert_eq!(count, slow);
+        // a push of 1 N outwards at 500 mm/s for 1 ms gives another 0.5 mJ
+        let fast = [DVec3::X * 500.0, DVec3::X * 400.0];
+        let (coming, _) = observer.damp(fast, (DVec3::X, 1e-3), 1e-3, &guard);
+        assert!((coming.x + (made + 0.5) / 0.5).abs() < 1e-12, "{coming}");
+        let (tiny, _) = observer.damp([DVec3::X * 1e-200; 2], still, 1e-3, &guard);
+        assert!(tiny.is_finite());
     }
 
     #[test]
@@ -155,9 +168,10 @@ mod tests {
         assert!((observer.energy_mj() - 0.3).abs() < 1e-12);
         observer.consume(5.0);
         assert!(observer.energy_mj().abs() < 1e-15);
-        observer.observe(DVec3::X * 0.6, DVec3::ZERO);
+        observer.observe(DVec3::X * 0.6, DVec3::X * 100.0);
+        observer.observe(DVec3::X * 0.7, DVec3::ZERO);
         observer.consume(5.0);
-        assert!((observer.energy_mj() + 0.2).abs() < 1e-12);
+        assert!(observer.energy_mj() < 0.0);
         observer.observe(DVec3::NAN, DVec3::ZERO);
         assert!(observer.energy_mj().is_finite());
     }
