@@ -174,7 +174,7 @@ impl Proxy {
     }
 
     /// Follows the hand for one tick: at most [`MAX_SUBSTEPS`] steps, each of at most
-    /// [`crate::tool::MAX_ELEMENTS`] elements and [`crate::contact::MAX_ITERATIONS`] iterations.
+    /// [`crate::contact::MAX_TERMS`] elements and [`crate::contact::MAX_ITERATIONS`] iterations.
     pub fn follow(&mut self, bone_from_device: &Pose, around: &mut Surroundings<'_>) -> Reaction {
         let mut reaction = Reaction::NONE;
         let mut time_s = around.feel.tick_s;
