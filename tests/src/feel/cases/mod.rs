@@ -11,6 +11,7 @@ pub mod meshes;
 pub mod numbers;
 mod odd;
 pub mod press;
+pub mod sizes;
 pub mod viewers;
 pub mod wire;
 
@@ -56,9 +57,9 @@ pub const CASES: &[(u8, Measure)] = &[
     (33, numbers::far_coordinates),
     (34, numbers::long_session),
     (35, numbers::saturation),
-    (36, carving::scales),
+    (36, sizes::scales),
     (37, viewers::stalled),
-    (38, carving::leap),
+    (38, sizes::leap),
     (39, wire::time_back),
     (40, numbers::degenerate_volumes),
     (41, heat::minute_at_the_limit),

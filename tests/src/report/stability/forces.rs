@@ -34,7 +34,7 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
     out.say(&format!(
         "{} of {} rows can be asked of the law. It meets {force} of {forces} published thrusts and {torque} of {torques} torques: the \
          ranges of both overlap. Every miss is listed with what the law lacks. No published force of reaming a glenoid was found: these \
-         are drills, and they bound the law, they do not validate it.",
+         are drills; they say nothing of how true a reamer feels.",
         applicable.count(),
         rows.len()
     ));
