@@ -145,11 +145,16 @@ pub fn angles_from_counts(counts: [i32; 3], counts_per_rev: u32) -> DVec3 {
     DOCK + DVec3::from_array(counts.map(|n| (f64::from(n) + 0.5) * rad))
 }
 
-/// Gimbal angles (yaw, pitch, roll), rad, of the absolute gimbal sensors' counts; the middle of the
-/// count, as in [`angles_from_counts`].
+/// Gimbal angles (yaw, pitch, roll), rad, in [−π, π], of the absolute gimbal sensors' counts; the middle of
+/// the count, as in [`angles_from_counts`]. Counts that are a whole turn apart give the same angle bit for
+/// bit.
 pub fn gimbal_from_counts(counts: [i16; 3], counts_per_rev: u16) -> DVec3 {
-    let rad = TAU / f64::from(counts_per_rev.max(1));
-    DVec3::from_array(counts.map(|n| (f64::from(n) + 0.5) * rad))
+    let turn = i32::from(counts_per_rev.max(1));
+    let rad = TAU / f64::from(turn);
+    DVec3::from_array(counts.map(|n| {
+        let within = (i32::from(n) + turn / 2).rem_euclid(turn) - turn / 2;
+        (f64::from(within) + 0.5) * rad
+    }))
 }
 
 #[cfg(test)]

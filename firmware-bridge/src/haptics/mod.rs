@@ -10,6 +10,7 @@ mod dirty;
 mod mirror;
 mod publisher;
 pub(crate) mod record;
+pub mod rehearsal;
 mod report;
 mod resync;
 mod servo_loop;
@@ -20,6 +21,7 @@ mod stats;
 mod tests;
 
 pub use report::SessionReport;
+pub use session::small_tools;
 pub use stats::{LATE_NS, Quantiles};
 
 use crate::feel::{self, FeelArgs};

@@ -25,6 +25,7 @@ use anyhow::{Context as _, anyhow, bail};
 use osteon_protocol::ipc::{Digest, ToViewer, ToolInfo};
 use osteon_protocol::ipc_frame::clip;
 use osteon_sim_core::feel::Feel;
+use osteon_sim_core::grid::Grid;
 use osteon_sim_core::register::bone_from_base;
 use osteon_sim_core::servo::{DeviceScale, Servo, ServoSetup};
 use osteon_sim_core::tool::Tool;
@@ -70,6 +71,9 @@ pub(crate) fn run(args: &HapticsArgs) -> anyhow::Result<()> {
     let mut progress = Progress::new("loading bone");
     let scene = scene::load(&args.scene, &mut |stage, share| progress.show(stage, share))?;
     progress.finish();
+    for note in small_tools(scene.bone.grid(), &tools) {
+        warn(&note);
+    }
     let socket_path = args.socket.clone().unwrap_or_else(default_socket);
     let listener = socket::listen(&socket_path)?;
     let result = with_listener(
@@ -89,6 +93,21 @@ pub(crate) fn run(args: &HapticsArgs) -> anyhow::Result<()> {
         warn(&format!("socket {}: {e}", socket_path.display()));
     }
     result
+}
+
+/// A line for each tool so thin that voxels cannot show its shape: its cut has the right place and a rough
+/// size.
+pub fn small_tools(grid: &Grid, tools: &[Tool]) -> Vec<String> {
+    let h = grid.spacing_mm.max_element();
+    let small = |tool: &&Tool| tool.shape.bounds().reach_mm() < h;
+    let line = |tool: &Tool| {
+        let radius = tool.shape.bounds().reach_mm();
+        format!(
+            "tool '{}': its radius of {radius:.3} mm is below a voxel of {h} mm, so its cuts are rough; use a smaller --voxel-mm",
+            tool.id
+        )
+    };
+    tools.iter().filter(small).map(line).collect()
 }
 
 fn with_listener(

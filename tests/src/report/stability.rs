@@ -3,6 +3,7 @@
 //! All but the times is measured on a virtual clock: the same figures on every machine.
 
 mod ablation;
+mod forces;
 mod impact;
 mod map;
 mod output;
@@ -45,6 +46,8 @@ pub enum Part {
     Impact,
     /// Ripple while sliding over oblique planes
     Ripple,
+    /// The cutting law beside published forces
+    Forces,
     /// Other programs' defects by their rule
     Peers,
     /// What breaks without each guard
@@ -54,11 +57,12 @@ pub enum Part {
 }
 
 impl Part {
-    const ALL: [Self; 7] = [
+    const ALL: [Self; 8] = [
         Self::Cases,
         Self::Map,
         Self::Impact,
         Self::Ripple,
+        Self::Forces,
         Self::Peers,
         Self::Ablation,
         Self::Ticks,
@@ -70,6 +74,7 @@ impl Part {
             Self::Map => "map",
             Self::Impact => "impact",
             Self::Ripple => "ripple",
+            Self::Forces => "forces",
             Self::Peers => "peers",
             Self::Ablation => "ablation",
             Self::Ticks => "ticks",
@@ -82,6 +87,7 @@ impl Part {
             Self::Map => map::run(out),
             Self::Impact => impact::run(out),
             Self::Ripple => ripple::run(out),
+            Self::Forces => forces::run(out),
             Self::Peers => peers::run(out),
             Self::Ablation => ablation::run(out),
             Self::Ticks => ticks::run(out),

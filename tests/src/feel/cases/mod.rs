@@ -3,10 +3,17 @@
 //! A case's criterion is never weaker than what was asked for. Where what was asked for cannot be meant
 //! so, the case says why and what it judges instead.
 
+pub mod carving;
 pub mod gaps;
 pub mod heat;
 pub mod impact;
+pub mod meshes;
+pub mod numbers;
+mod odd;
 pub mod press;
+pub mod sizes;
+pub mod viewers;
+pub mod wire;
 
 use serde::Serialize;
 
@@ -38,6 +45,23 @@ pub const CASES: &[(u8, Measure)] = &[
     (14, gaps::dropped_frames),
     (15, gaps::jitter),
     (16, gaps::glitch),
+    (17, wire::no_numbers),
+    (18, wire::same_pose),
+    (19, numbers::denormals),
+    (27, carving::borders),
+    (28, carving::larger_tool),
+    (29, carving::ties),
+    (30, carving::anisotropic),
+    (31, carving::again),
+    (32, meshes::degenerate),
+    (33, numbers::far_coordinates),
+    (34, numbers::long_session),
+    (35, numbers::saturation),
+    (36, sizes::scales),
+    (37, viewers::stalled),
+    (38, sizes::leap),
+    (39, wire::time_back),
+    (40, numbers::degenerate_volumes),
     (41, heat::minute_at_the_limit),
 ];
 
