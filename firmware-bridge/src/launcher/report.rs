@@ -128,7 +128,9 @@ impl Figures<'_> {
              guards      {}",
             self.number("/peak_force_n", 2),
             self.number("/peak_physical_force_n", 1),
-            self.number("/force_scale", 3),
+            self.0["force_scale"]
+                .as_f64()
+                .map_or_else(|| "-".to_owned(), |scale| scale.to_string()),
             self.number("/saturated_ticks", 0),
             self.number("/peak_spindle_nmm", 0),
             self.number("/peak_spindle_load", 2),
@@ -308,7 +310,7 @@ mod tests {
         });
         assert_eq!(
             Figures(&report).loads(),
-            "  force       peak 0.95 N at the stylus (31.7 N at a real tool, scale 0.030), limit reached in 7 ticks\n  \
+            "  force       peak 0.95 N at the stylus (31.7 N at a real tool, scale 0.03), limit reached in 7 ticks\n  \
              spindle     peak 912 Nmm of cut (0.46 of what the motor has), stalled in 2 ticks\n  \
              guards      40 ticks: clamp 7 (last at 2.3 s), implausible sample 33 (last at 0.1 s)"
         );
