@@ -45,6 +45,26 @@ fn off_axis(point: DVec3, (on, along): Axis) -> f64 {
     (point - on).cross(along).length() / along.length()
 }
 
+/// What the force loop bore: told whole, and consistent with itself.
+fn check_loads(report: &Value) {
+    let n = |path: &str| number(report, path);
+    let real = n("/peak_physical_force_n") * n("/force_scale");
+    // the vibration and the ramps come after
+    assert!(real > 0.1 && real <= 3.3 + 1e-6, "{real}");
+    assert!(n("/peak_spindle_nmm") > 0.0);
+    assert!((0.0..=1.0).contains(&n("/peak_spindle_load")));
+    for ticks in ["/saturated_ticks", "/stalled_ticks", "/clutched_ticks"] {
+        assert!((0.0..=n("/ticks")).contains(&n(ticks)), "{ticks}");
+    }
+    let guards = report["guards"].as_object().expect("guards");
+    let each = guards.values().filter_map(|g| g["count"].as_f64());
+    assert!((each.sum::<f64>() - n("/guard_events")).abs() < 0.5);
+    for guard in guards.values() {
+        let last = guard["last_tick"].as_f64().unwrap_or(0.0);
+        assert!(last <= n("/ticks"), "{guard}");
+    }
+}
+
 /// What was removed: by the right tools, from the right bone, in the right place.
 fn check_removal(report: &Value, axis: Axis) {
     let n = |pointer: &str| number(report, pointer);
@@ -93,6 +113,7 @@ fn check(report: &Value, axis: Axis) {
     check_removal(report, axis);
     let force = n("/peak_force_n");
     assert!(force > 0.1 && force <= 3.3, "{force}");
+    check_loads(report);
     assert!(n("/pose_rms_mm") <= 0.1 && n("/pose_samples") > 10_000.0);
     assert!(n("/device/frames") > 15_000.0);
     assert!(

@@ -367,3 +367,61 @@ fn the_haptics_process_maps_no_graphics_library() {
     haptics.signal(rustix::process::Signal::TERM);
     until("the end", LIMIT, || !haptics.runs());
 }
+
+/// The first pose that holds what is wanted.
+fn pose_that(
+    client: &mut Client,
+    mirror: &mut Mirror,
+    wanted: impl Fn(&PoseUpdate) -> bool,
+) -> PoseUpdate {
+    let end = Instant::now() + LIMIT;
+    loop {
+        let now = pose(client, mirror);
+        if wanted(&now) {
+            return now;
+        }
+        assert!(Instant::now() < end, "{now:?} after {LIMIT:?}");
+    }
+}
+
+#[test]
+fn a_clutch_is_let_go_for_a_viewer_that_has_gone() {
+    let _turn = one_at_a_time();
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    let _device = fake(OSTEON, dir, None);
+    let mut haptics = haptics(OSTEON, dir, &[]);
+    let mut good = Client::hello(dir, "good");
+    let mut mirror = Mirror::receive(&mut good);
+    let before = pose(&mut good, &mut mirror);
+    assert!(!before.clutched && (before.motion_scale - 1.0).abs() < 1e-6);
+    let mut holder = Client::hello(dir, "holder");
+    holder.say(&FromViewer::Command(Command::Clutch(true)));
+    pose_that(&mut good, &mut mirror, |p| p.clutched);
+    drop(holder);
+    pose_that(&mut good, &mut mirror, |p| !p.clutched);
+    // a scale is taken over; one out of its range ends the connection and changes nothing
+    good.say(&FromViewer::Command(Command::MotionScale(500)));
+    good.say(&FromViewer::Command(Command::TurnWorkspace(-262)));
+    pose_that(&mut good, &mut mirror, |p| {
+        (p.motion_scale - 0.5).abs() < 1e-6
+    });
+    let mut wrong = Client::hello(dir, "wrong");
+    wrong.say(&FromViewer::Command(Command::MotionScale(100)));
+    while wrong.hear().is_some() {}
+    let after = pose(&mut good, &mut mirror);
+    assert!((after.motion_scale - 0.5).abs() < 1e-6);
+    let guards = good.until(|m| {
+        mirror.take(m);
+        match m {
+            ToViewer::Health(health) => Some(health.guards.len()),
+            _ => None,
+        }
+    });
+    stop(&mut good, &mut mirror);
+    assert!(haptics.wait(LIMIT).success());
+    let report = json(&dir.join("report.json"));
+    assert_eq!(report["guards"].as_object().map(|g| g.len()), Some(guards));
+    assert!(number(&report, "/clutched_ticks") > 0.0);
+    assert!(text(dir, "haptics.err").contains("viewer 'wrong'"));
+}

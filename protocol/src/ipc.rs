@@ -5,16 +5,26 @@
 //! most 1024 bytes ([`crate::ipc_frame::MAX_TEXT`]).
 
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 /// Version of the viewer link.
-pub const IPC_VERSION: u16 = 2;
+pub const IPC_VERSION: u16 = 3;
 
 /// Most bytes of one framed message's payload. Bounded before it is believed.
 pub const MAX_PAYLOAD: usize = 1 << 20;
 
 /// Most bricks of one [`Bricks`] message.
 pub const MAX_BRICKS: usize = 256;
+
+/// Most guards of one [`Health`] message.
+pub const MAX_GUARDS: usize = 32;
+
+/// Motion scales that can be asked for, thousandths.
+pub const MOTION_SCALE_MILLI: RangeInclusive<u16> = 200..=5000;
+
+/// Turns of the workspace that can be asked for at once, thousandths of a radian: half a turn.
+pub const TURN_MILLIRAD: RangeInclusive<i16> = -3142..=3142;
 
 /// The user's private directory for sockets and links: `osteon` in the runtime directory, or in
 /// `osteon-<user>` under the temporary one where there is none.
@@ -51,6 +61,8 @@ pub struct ToolInfo {
     /// Outline of the solid of revolution as (r, z) points in mm, from the apex up to the shank's
     /// end; at most 256.
     pub outline_mm: Vec<[f32; 2]>,
+    /// Speed of its spindle without a load, turns a minute; 0 where it does not turn.
+    pub rpm: f32,
 }
 
 /// What is on the table.
@@ -74,6 +86,8 @@ pub struct Scene {
     pub tools: Vec<ToolInfo>,
     /// Limit of the force at the stylus, N.
     pub force_limit_n: f64,
+    /// Newtons at the stylus for one newton at a real tool.
+    pub force_scale: f64,
 }
 
 /// One 32³ chunk of the immutable bone. Pieces come in index order 0, 1, 2, …; the index is the
@@ -100,6 +114,10 @@ pub const BRICK_BYTES: usize = 1024;
 
 /// The newest pose and force; newest wins, may be thinned.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "independent facts, shown one by one"
+)]
 pub struct PoseUpdate {
     /// Servo tick.
     pub tick: u64,
@@ -109,14 +127,28 @@ pub struct PoseUpdate {
     pub spindle_on: bool,
     /// Whether the session is paused (no force, no cutting).
     pub paused: bool,
+    /// Whether the clutch is held: the tool waits, the stylus moves freely.
+    pub clutched: bool,
+    /// Whether a real tool would meet more force than the stylus may show.
+    pub saturated: bool,
     /// Where the tool is shown and cuts: the proxy.
     pub bone_from_tool: WirePose,
     /// Where the hand holds the tool; inside the bone when it pushes.
     pub bone_from_device: WirePose,
     /// Force at the stylus, bone frame, N.
     pub force_n: [f32; 3],
-    /// Force that a real tool would meet, N (display force ÷ force scale).
+    /// Force that a real tool meets, N: before guards and ramps, up to the limit.
     pub physical_force_n: f32,
+    /// The vibration in `force_n`, N.
+    pub vibration_n: f32,
+    /// Speed of the spindle, turns a minute.
+    pub spindle_rpm: f32,
+    /// Torque of the cut about it, N·mm at a real tool.
+    pub spindle_nmm: f32,
+    /// The same over what its motor has, in [0, 1].
+    pub spindle_load: f32,
+    /// Millimetres of the tool per millimetre of the stylus.
+    pub motion_scale: f32,
     /// Depth of the tool's apex along the planned axis past the plan's origin, mm.
     pub depth_mm: f32,
     /// mm³ removed since the last reset.
@@ -170,6 +202,17 @@ pub struct Digest {
     pub changed_chunks: u32,
 }
 
+/// What one guard of the force loop had to do.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct GuardCount {
+    /// Its name, for people; at most 200 bytes.
+    pub name: String,
+    /// Ticks in which it intervened.
+    pub count: u64,
+    /// The last of them, from 1; 0 where it never did.
+    pub last_tick: u64,
+}
+
 /// How the haptics process fares; about four a second.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Health {
@@ -195,8 +238,10 @@ pub struct Health {
     pub gaps: u64,
     /// Watchdog trips of the device.
     pub watchdog_trips: u64,
-    /// Interventions of the output guards: clamps, slews, refused samples.
+    /// Interventions of all guards: clamps, slews, refused samples.
     pub guard_events: u64,
+    /// The same guard by guard, in the order of their place in a tick; at most [`MAX_GUARDS`].
+    pub guards: Vec<GuardCount>,
     /// Why the force is off, or empty.
     pub note: String,
 }
@@ -253,6 +298,14 @@ pub enum Command {
     Reset,
     /// End the session.
     Stop,
+    /// Hold the clutch or let it go: while it is held the tool waits and the stylus moves freely.
+    Clutch(bool),
+    /// Thousandths of a millimetre of the tool per millimetre of the stylus, in
+    /// [`MOTION_SCALE_MILLI`]. The tool stays where it is.
+    MotionScale(u16),
+    /// Turns the workspace about the line of sight by thousandths of a radian, in
+    /// [`TURN_MILLIRAD`]. The tool stays where it is.
+    TurnWorkspace(i16),
 }
 
 /// Viewer to haptics.

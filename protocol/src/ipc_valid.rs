@@ -1,8 +1,8 @@
 //! The documented ranges of the viewer messages, checked after decoding.
 
 use crate::ipc::{
-    Bricks, Command, FromViewer, Health, MAX_BRICKS, PoseUpdate, RemovalEvent, Scene, ToViewer,
-    ToolInfo, WirePose,
+    Bricks, Command, FromViewer, Health, MAX_BRICKS, MAX_GUARDS, MOTION_SCALE_MILLI, PoseUpdate,
+    RemovalEvent, Scene, TURN_MILLIRAD, ToViewer, ToolInfo, WirePose,
 };
 use crate::ipc_frame::{IpcError, Message};
 
@@ -55,8 +55,24 @@ impl Message for FromViewer {
     fn validate(&self) -> Result<(), IpcError> {
         match self {
             Self::Hello { name, .. } => text(name, MAX_NAME, "viewer name"),
-            Self::Command(Command::SelectTool(tool)) => tool_index(*tool),
-            Self::Command(_) | Self::Digest { .. } => Ok(()),
+            Self::Command(command) => command.validate(),
+            Self::Digest { .. } => Ok(()),
+        }
+    }
+}
+
+impl Command {
+    /// Whether what is asked for is inside its documented range.
+    pub fn validate(self) -> Result<(), IpcError> {
+        match self {
+            Self::SelectTool(tool) => tool_index(tool),
+            Self::MotionScale(milli) => ensure(MOTION_SCALE_MILLI.contains(&milli), "motion scale"),
+            Self::TurnWorkspace(milli) => {
+                ensure(TURN_MILLIRAD.contains(&milli), "turn of the workspace")
+            }
+            Self::Spindle(_) | Self::Pause(_) | Self::Reset | Self::Stop | Self::Clutch(_) => {
+                Ok(())
+            }
         }
     }
 }
@@ -102,6 +118,7 @@ fn check_scene(scene: &Scene) -> Result<(), IpcError> {
     pose(&scene.bone_from_plan, "planned pose")?;
     amount(scene.solid_mm3, "solid volume")?;
     amount(scene.force_limit_n, "force limit")?;
+    amount(scene.force_scale, "force scale")?;
     ensure(scene.tools.len() <= MAX_TOOLS, "tool count")?;
     scene.tools.iter().try_for_each(check_tool)
 }
@@ -111,7 +128,8 @@ fn check_tool(tool: &ToolInfo) -> Result<(), IpcError> {
     text(&tool.id, MAX_NAME, "tool identifier")?;
     ensure(tool.outline_mm.len() <= MAX_OUTLINE, "tool outline length")?;
     let finite = tool.outline_mm.iter().flatten().all(|v| v.is_finite());
-    ensure(finite, "tool outline")
+    ensure(finite, "tool outline")?;
+    amount(tool.rpm.into(), "tool speed")
 }
 
 fn check_pose_update(update: &PoseUpdate) -> Result<(), IpcError> {
@@ -120,6 +138,13 @@ fn check_pose_update(update: &PoseUpdate) -> Result<(), IpcError> {
     pose(&update.bone_from_device, "device pose")?;
     let force = update.force_n.iter().all(|v| v.is_finite()) && update.physical_force_n.is_finite();
     ensure(force, "force")?;
+    amount(update.vibration_n.into(), "vibration")?;
+    amount(update.spindle_rpm.into(), "spindle speed")?;
+    amount(update.spindle_nmm.into(), "spindle torque")?;
+    // false for a NaN, too
+    let load = (0.0..=1.0).contains(&update.spindle_load);
+    ensure(load, "spindle load")?;
+    amount(update.motion_scale.into(), "motion scale")?;
     ensure(update.depth_mm.is_finite(), "depth")?;
     amount(update.removed_mm3, "removed volume")
 }
@@ -153,5 +178,9 @@ fn check_health(health: &Health) -> Result<(), IpcError> {
     ensure(finite, "latency")?;
     text(&health.drive, MAX_TEXT, "drive state")?;
     text(&health.link, MAX_TEXT, "link name")?;
+    ensure(health.guards.len() <= MAX_GUARDS, "number of guards")?;
+    for guard in &health.guards {
+        text(&guard.name, MAX_NAME, "guard name")?;
+    }
     text(&health.note, MAX_TEXT, "note")
 }

@@ -6,8 +6,8 @@
 )]
 
 use osteon_protocol::ipc::{
-    BonePiece, Bricks, Command, Digest, FromViewer, Health, IPC_VERSION, PoseUpdate, RemovalEvent,
-    Scene, ToViewer, ToolInfo, WirePose,
+    BonePiece, Bricks, Command, Digest, FromViewer, GuardCount, Health, IPC_VERSION, PoseUpdate,
+    RemovalEvent, Scene, ToViewer, ToolInfo, WirePose,
 };
 use osteon_protocol::ipc_frame::{HEADER_BYTES, Message, StreamDecoder, encode_into};
 use std::fmt::Debug;
@@ -52,22 +52,33 @@ fn whole_frames_are_the_written_ones() {
     // Length, CRC-32C and payload; the CRCs were computed by a separate program.
     let mut framed = Vec::new();
     let name = "test".to_owned();
-    encode_into(&FromViewer::Hello { version: 2, name }, &mut framed).unwrap();
+    encode_into(&FromViewer::Hello { version: 3, name }, &mut framed).unwrap();
     let hello = [
-        7, 0, 0, 0, 0x19, 0x4D, 0x30, 0x4E, 0, 2, 4, b't', b'e', b's', b't',
+        7, 0, 0, 0, 0x00, 0x26, 0x00, 0xA1, 0, 3, 4, b't', b'e', b's', b't',
     ];
     assert_eq!(framed, hello);
     framed.clear();
     encode_into(&FromViewer::Command(Command::SelectTool(1)), &mut framed).unwrap();
     assert_eq!(framed, [3, 0, 0, 0, 0x07, 0xB2, 0x4E, 0x37, 1, 0, 1]);
     framed.clear();
-    encode_into(&ToViewer::Hello { version: 2 }, &mut framed).unwrap();
-    assert_eq!(framed, [2, 0, 0, 0, 0x25, 0x07, 0x5A, 0x10, 0, 2]);
+    encode_into(
+        &FromViewer::Command(Command::MotionScale(1500)),
+        &mut framed,
+    )
+    .unwrap();
+    assert_eq!(
+        framed,
+        [4, 0, 0, 0, 0x4B, 0xD3, 0x95, 0x35, 1, 6, 0xDC, 0x0B]
+    );
+    framed.clear();
+    encode_into(&ToViewer::Hello { version: 3 }, &mut framed).unwrap();
+    assert_eq!(framed, [2, 0, 0, 0, 0x26, 0x84, 0x31, 0xE2, 0, 3]);
     let document = include_str!("../../WIRE.md");
     for shown in [
-        "`07 00 00 00 19 4d 30 4e 00 02 04 74 65 73 74`",
-        "`02 00 00 00 25 07 5a 10 00 02`",
+        "`07 00 00 00 00 26 00 a1 00 03 04 74 65 73 74`",
+        "`02 00 00 00 26 84 31 e2 00 03`",
         "`03 00 00 00 07 b2 4e 37 01 00 01`",
+        "`04 00 00 00 4b d3 95 35 01 06 dc 0b`",
     ] {
         assert!(document.contains(shown), "not in WIRE.md: {shown}");
     }
@@ -75,7 +86,7 @@ fn whole_frames_are_the_written_ones() {
 
 #[test]
 fn beginning_and_end() {
-    assert_eq!(IPC_VERSION, 2);
+    assert_eq!(IPC_VERSION, 3);
     holds(&ToViewer::Hello { version: 300 }, &[&[0], &[0xAC, 0x02]]);
     let reason = "no".to_owned();
     holds(&ToViewer::Refused { reason }, &[&[1], &[2], b"no"]);
@@ -90,6 +101,7 @@ fn scene() {
         name: "Drill".into(),
         id: "d".into(),
         outline_mm: vec![[0.0, 1.0], [2.0, -2.0]],
+        rpm: 2.0,
     };
     let scene = Scene {
         source: "CT".into(),
@@ -101,6 +113,7 @@ fn scene() {
         solid_mm3: 3.0,
         tools: vec![tool],
         force_limit_n: 2.0,
+        force_scale: 0.5,
     };
     holds(
         &ToViewer::Scene(Box::new(scene)),
@@ -121,7 +134,8 @@ fn scene() {
             b"d",
             &[2], // two points
             &[F32_0, F32_1, F32_2, F32_MINUS_2].concat(),
-            &F64_2,
+            &F32_2,
+            &[F64_2, F64_HALF].concat(),
         ],
     );
 }
@@ -156,10 +170,17 @@ fn pose() {
         tool: 1,
         spindle_on: true,
         paused: false,
+        clutched: true,
+        saturated: true,
         bone_from_tool: POSE,
         bone_from_device: POSE,
         force_n: [0.0, 1.0, -2.0],
         physical_force_n: 2.0,
+        vibration_n: 0.0,
+        spindle_rpm: 2.0,
+        spindle_nmm: 1.0,
+        spindle_load: 0.0,
+        motion_scale: 1.0,
         depth_mm: 1.0,
         removed_mm3: 0.5,
     };
@@ -168,10 +189,12 @@ fn pose() {
         &[
             &[4],
             &[0xE8, 0x07], // 1000
-            &[1, 1, 0],
+            &[1, 1, 0, 1, 1],
             &pose_bytes(),
             &pose_bytes(),
-            &[F32_0, F32_1, F32_MINUS_2, F32_2, F32_1].concat(),
+            &[F32_0, F32_1, F32_MINUS_2, F32_2].concat(),
+            // vibration, speed, torque, load, scale, depth
+            &[F32_0, F32_2, F32_1, F32_0, F32_1, F32_1].concat(),
             &F64_HALF,
         ],
     );
@@ -260,7 +283,19 @@ fn health() {
         crc_errors: 3,
         gaps: 4,
         watchdog_trips: 5,
-        guard_events: 6,
+        guard_events: 300,
+        guards: vec![
+            GuardCount {
+                name: "clamp".into(),
+                count: 300,
+                last_tick: 1000,
+            },
+            GuardCount {
+                name: "hold".into(),
+                count: 0,
+                last_tick: 0,
+            },
+        ],
         note: String::new(),
     };
     holds(
@@ -276,7 +311,15 @@ fn health() {
             b"active",
             &[7],
             b"open:/x",
-            &[2, 3, 4, 5, 6],
+            &[2, 3, 4, 5],
+            &[0xAC, 0x02],
+            &[2], // two guards
+            &[5],
+            b"clamp",
+            &[0xAC, 0x02, 0xE8, 0x07], // 300, 1000
+            &[4],
+            b"hold",
+            &[0, 0],
             &[0],
         ],
     );
@@ -292,4 +335,11 @@ fn viewer_hello_and_commands() {
     holds(&FromViewer::Command(Command::Pause(false)), &[&[1, 2, 0]]);
     holds(&FromViewer::Command(Command::Reset), &[&[1, 3]]);
     holds(&FromViewer::Command(Command::Stop), &[&[1, 4]]);
+    holds(&FromViewer::Command(Command::Clutch(true)), &[&[1, 5, 1]]);
+    let scale = Command::MotionScale(1500);
+    holds(&FromViewer::Command(scale), &[&[1, 6, 0xDC, 0x0B]]);
+    // zigzag: 2n for n ≥ 0, −2n − 1 below
+    let turn = |milli| FromViewer::Command(Command::TurnWorkspace(milli));
+    holds(&turn(262), &[&[1, 7, 0x8C, 0x04]]);
+    holds(&turn(-262), &[&[1, 7, 0x8B, 0x04]]);
 }

@@ -7,8 +7,8 @@
 
 use osteon_protocol::crc32c::crc32c;
 use osteon_protocol::ipc::{
-    BonePiece, Bricks, Command, FromViewer, Health, MAX_BRICKS, MAX_PAYLOAD, PoseUpdate,
-    RemovalEvent, Scene, ToViewer, ToolInfo, WirePose,
+    BonePiece, Bricks, Command, FromViewer, GuardCount, Health, MAX_BRICKS, MAX_GUARDS,
+    MAX_PAYLOAD, PoseUpdate, RemovalEvent, Scene, ToViewer, ToolInfo, WirePose,
 };
 use osteon_protocol::ipc_frame::{
     HEADER_BYTES, IpcError, MAX_BUFFERED, MAX_TEXT, Message, StreamDecoder, clip, encode_into,
@@ -54,8 +54,10 @@ fn scene() -> Scene {
             name: "reamer".into(),
             id: "reamer".into(),
             outline_mm: vec![[0.0, 0.0], [18.0, 5.0]],
+            rpm: 1000.0,
         }],
         force_limit_n: 3.3,
+        force_scale: 0.03,
     }
 }
 
@@ -77,10 +79,17 @@ fn update() -> PoseUpdate {
         tool: 0,
         spindle_on: true,
         paused: false,
+        clutched: false,
+        saturated: false,
         bone_from_tool: POSE,
         bone_from_device: POSE,
         force_n: [0.0; 3],
         physical_force_n: 0.0,
+        vibration_n: 0.0,
+        spindle_rpm: 0.0,
+        spindle_nmm: 0.0,
+        spindle_load: 0.0,
+        motion_scale: 1.0,
         depth_mm: 0.0,
         removed_mm3: 0.0,
     }
@@ -99,7 +108,12 @@ fn health() -> Health {
         crc_errors: 0,
         gaps: 0,
         watchdog_trips: 0,
-        guard_events: 0,
+        guard_events: 7,
+        guards: vec![GuardCount {
+            name: "slew".into(),
+            count: 7,
+            last_tick: 1,
+        }],
         note: String::new(),
     }
 }
@@ -294,13 +308,16 @@ fn refuses<T: Message>(field: &'static str, message: &T) {
     assert_eq!(outcome, Some(IpcError::Range(field)));
 }
 
+/// One change to a good pose, and the field that must be named for it.
+type SpoilPose = (&'static str, fn(&mut PoseUpdate));
+
 /// One change to a good scene, and the field that must be named for it.
 type Spoil = (&'static str, fn(&mut Scene));
 
 #[test]
 fn a_scene_out_of_range_is_refused_by_name() {
     assert_eq!(ToViewer::Scene(Box::new(scene())).validate(), Ok(()));
-    let spoils: [Spoil; 16] = [
+    let spoils: [Spoil; 18] = [
         ("voxel count", |s| s.dims[1] = 0),
         ("voxel count", |s| s.dims[2] = 4097),
         ("voxel spacing", |s| s.spacing_mm[0] = 0.0),
@@ -314,6 +331,8 @@ fn a_scene_out_of_range_is_refused_by_name() {
         ("planned pose", |s| s.bone_from_plan.rotation = [0.0; 4]),
         ("solid volume", |s| s.solid_mm3 = -1.0),
         ("force limit", |s| s.force_limit_n = f64::INFINITY),
+        ("force scale", |s| s.force_scale = f64::NAN),
+        ("tool speed", |s| s.tools[0].rpm = -1.0),
         ("tool count", |s| s.tools = vec![s.tools[0].clone(); 9]),
         ("tool name", |s| s.tools[0].name = "x".repeat(201)),
         ("tool outline length", |s| {
@@ -340,6 +359,20 @@ fn other_messages_out_of_range_are_refused_by_name() {
     bad = update();
     bad.bone_from_device.translation_mm[1] = f64::INFINITY;
     refuses("device pose", &ToViewer::Pose(bad));
+    let spoils: [SpoilPose; 7] = [
+        ("force", |p| p.physical_force_n = f32::INFINITY),
+        ("vibration", |p| p.vibration_n = -0.1),
+        ("spindle speed", |p| p.spindle_rpm = f32::NAN),
+        ("spindle torque", |p| p.spindle_nmm = f32::NEG_INFINITY),
+        ("spindle load", |p| p.spindle_load = 1.01),
+        ("spindle load", |p| p.spindle_load = f32::NAN),
+        ("motion scale", |p| p.motion_scale = -1.0),
+    ];
+    for (field, spoil) in spoils {
+        let mut bad = update();
+        spoil(&mut bad);
+        refuses(field, &ToViewer::Pose(bad));
+    }
     let mut cut = removal();
     cut.removed_mm3_by_class[3] = f64::NAN;
     refuses("removed volume", &ToViewer::Removals(vec![removal(), cut]));
@@ -365,10 +398,41 @@ fn other_messages_out_of_range_are_refused_by_name() {
     let mut ill = health();
     ill.tick_micros[3] = f32::INFINITY;
     refuses("latency", &ToViewer::Health(Box::new(ill)));
+    ill = health();
+    ill.guards = vec![ill.guards[0].clone(); MAX_GUARDS + 1];
+    refuses("number of guards", &ToViewer::Health(Box::new(ill)));
+    ill = health();
+    ill.guards[0].name = "x".repeat(201);
+    refuses("guard name", &ToViewer::Health(Box::new(ill)));
     let name = "x".repeat(201);
     refuses("viewer name", &FromViewer::Hello { version: 1, name });
     let tool = FromViewer::Command(Command::SelectTool(8));
     refuses("tool index", &tool);
+}
+
+#[test]
+fn commands_out_of_range_are_refused_by_name() {
+    for milli in [0, 199, 5001, u16::MAX] {
+        let scale = FromViewer::Command(Command::MotionScale(milli));
+        refuses("motion scale", &scale);
+    }
+    for milli in [i16::MIN, -3143, 3143, i16::MAX] {
+        let turn = FromViewer::Command(Command::TurnWorkspace(milli));
+        refuses("turn of the workspace", &turn);
+    }
+    let good = [
+        Command::Clutch(true),
+        Command::MotionScale(200),
+        Command::MotionScale(5000),
+        Command::TurnWorkspace(-3142),
+        Command::TurnWorkspace(3142),
+    ];
+    for command in good {
+        let message = FromViewer::Command(command);
+        let mut decoder = StreamDecoder::new();
+        decoder.push(&framed(&message));
+        assert_eq!(decoder.next::<FromViewer>(), Ok(Some(message)));
+    }
 }
 
 #[test]

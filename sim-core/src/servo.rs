@@ -127,6 +127,11 @@ impl Servo {
         self.chain.counts
     }
 
+    /// Millimetres of the tool per millimetre of the stylus.
+    pub fn motion_scale(&self) -> f64 {
+        self.workspace.scale()
+    }
+
     /// One servo tick. `sample` is the newest one that has not been used yet, `None` where none came.
     pub fn tick(&mut self, sample: Option<&Sample>, requests: &[Request]) -> TickOutput {
         self.chain.counts.begin_tick();

@@ -113,6 +113,7 @@ struct App {
     last_frame: Option<Instant>,
     work: Duration,
     help: bool,
+    clutch_key: bool,
     complaint: String,
 }
 
@@ -156,6 +157,7 @@ impl App {
             last_frame: None,
             work: Duration::ZERO,
             help: false,
+            clutch_key: false,
             complaint: String::new(),
         })
     }
@@ -269,7 +271,7 @@ impl eframe::App for App {
     fn ui(&mut self, ui: &mut egui::Ui, _frame: &mut eframe::Frame) {
         let ctx = ui.ctx().clone();
         let status = self.status();
-        let mut wishes = panels::hotkeys(&ctx, &status);
+        let mut wishes = panels::hotkeys(&ctx, &status, &mut self.clutch_key);
         egui::Panel::left("facts")
             .exact_size(300.0)
             .resizable(false)

@@ -49,5 +49,7 @@ pub(crate) const FAILURE: Color32 = Color32::from_rgb(0xff, 0x6b, 0x5e);
 pub(crate) const GOOD: Color32 = Color32::from_rgb(0x7d, 0xd8, 0x8a);
 /// The force plot.
 pub(crate) const FORCE: Color32 = Color32::from_rgb(0xff, 0x9f, 0x5a);
+/// The spindle's load.
+pub(crate) const LOAD: Color32 = Color32::from_rgb(0x5a, 0x7f, 0x9f);
 /// The depth plot.
 pub(crate) const DEPTH: Color32 = Color32::from_rgb(0x6f, 0xc3, 0xff);

@@ -71,6 +71,8 @@ pub(crate) struct Client {
     reset_to: Option<u32>,
     removals: VecDeque<RemovalEvent>,
     asked_digest: bool,
+    /// It asked for the clutch and has not let it go.
+    pub holds_clutch: bool,
     pub report: Option<ViewerReport>,
 }
 
@@ -105,6 +107,7 @@ impl Client {
             reset_to: None,
             removals: VecDeque::new(),
             asked_digest: false,
+            holds_clutch: false,
             report: None,
         })
     }
@@ -181,6 +184,9 @@ impl Client {
             FromViewer::Hello { version, name } => self.greet(version, name, news),
             _ if self.stage == Stage::Greeting => bail!("spoke before its hello"),
             FromViewer::Command(command) => {
+                if let Command::Clutch(hold) = command {
+                    self.holds_clutch = hold;
+                }
                 commands.push(command);
                 Ok(())
             }

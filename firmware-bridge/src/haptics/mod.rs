@@ -7,6 +7,7 @@
 
 mod client;
 mod dirty;
+mod loads;
 mod mirror;
 mod publisher;
 pub(crate) mod record;
@@ -20,6 +21,7 @@ mod stats;
 #[cfg(test)]
 mod tests;
 
+pub use loads::{GuardReport, Loads};
 pub use report::SessionReport;
 pub use session::small_tools;
 pub use stats::{LATE_NS, Quantiles};

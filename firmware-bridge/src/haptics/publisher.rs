@@ -21,6 +21,7 @@ use osteon_sim_core::cut::{Cut, CutDigest};
 use osteon_sim_core::pose::Pose;
 use osteon_sim_core::servo::Request;
 use rtrb::{Consumer, Producer};
+use std::f64::consts::TAU;
 use std::io::Write;
 use std::sync::Arc;
 
@@ -39,11 +40,12 @@ pub(crate) struct Publisher {
     pub listener: Listener,
     pub scene: Arc<Scene>,
     pub plan_from_bone: Pose,
-    pub force_scale: f64,
     pub link_name: String,
     pub pose_log: Option<Box<dyn Write + Send>>,
     pub clients: Vec<Client>,
     pub viewers: ViewerCounts,
+    /// The viewer that held the clutch has gone.
+    pub let_go: bool,
 }
 
 /// What happened to the viewers.
@@ -205,6 +207,9 @@ impl Publisher {
             health: Some(&health),
             final_digest,
         };
+        if self.let_go && self.requests.push(Request::Clutch(false)).is_ok() {
+            self.let_go = false;
+        }
         let mut stop = false;
         let mut kept = Vec::with_capacity(self.clients.len());
         for mut client in self.clients.drain(..) {
@@ -221,6 +226,7 @@ impl Publisher {
                 }
                 Err(e) if e.to_string() == LEFT_EARLY => self.viewers.connected -= 1,
                 Err(e) => {
+                    self.let_go |= client.holds_clutch;
                     if client.is_live() {
                         self.viewers.lost += 1;
                     } else {
@@ -236,16 +242,24 @@ impl Publisher {
 
     fn pose_update(&self, tick: &TickRecord) -> PoseUpdate {
         let grid = self.mirror.bone.grid();
+        let felt = &tick.felt;
         let tip: DVec3 = self.plan_from_bone.point(tick.bone_from_tool.translation);
         PoseUpdate {
             tick: tick.tick,
             tool: tick.tool,
             spindle_on: tick.flags.spindle_on,
             paused: tick.flags.paused,
+            clutched: tick.flags.clutched,
+            saturated: tick.flags.saturated,
             bone_from_tool: wire_pose(&tick.bone_from_tool),
             bone_from_device: wire_pose(&tick.bone_from_device),
             force_n: tick.force_n.as_vec3().to_array(),
-            physical_force_n: (tick.force_n.length() / self.force_scale) as f32,
+            physical_force_n: felt.physical_force_n as f32,
+            vibration_n: felt.vibration_n as f32,
+            spindle_rpm: (felt.spindle_rad_s * 60.0 / TAU) as f32,
+            spindle_nmm: felt.spindle_nmm as f32,
+            spindle_load: felt.spindle_load as f32,
+            motion_scale: felt.motion_scale as f32,
             depth_mm: -tip.z as f32,
             removed_mm3: Cut::mm3(grid, tick.removed_by_class.iter().sum()),
         }
@@ -253,14 +267,25 @@ impl Publisher {
 }
 
 /// Hands a viewer's wish to the servo; true where it asks to end the session. A full request ring
-/// drops the wish: a person presses again.
-fn forward(command: Command, requests: &mut Producer<Request>, dropped: &mut u64) -> bool {
+/// drops the wish: a person presses again. A wish out of its range is none.
+pub(super) fn forward(
+    command: Command,
+    requests: &mut Producer<Request>,
+    dropped: &mut u64,
+) -> bool {
+    // the decoder has refused it already; the servo's loop does not rely on that
+    if command.validate().is_err() {
+        return false;
+    }
     let request = match command {
         Command::SelectTool(tool) => Request::SelectTool(tool),
         Command::Spindle(on) => Request::Spindle(on),
         Command::Pause(paused) => Request::Pause(paused),
         Command::Reset => Request::Reset,
         Command::Stop => return true,
+        Command::Clutch(hold) => Request::Clutch(hold),
+        Command::MotionScale(milli) => Request::MotionScale(f64::from(milli) / 1000.0),
+        Command::TurnWorkspace(milli) => Request::TurnWorkspace(f64::from(milli) / 1000.0),
     };
     if requests.push(request).is_err() {
         if *dropped == 0 {

@@ -4,6 +4,7 @@ use crate::link::LinkStats;
 use glam::DVec3;
 use osteon_protocol::device::DriveState;
 use osteon_sim_core::carve::CarveStep;
+use osteon_sim_core::chain::GuardCounts;
 use osteon_sim_core::pose::Pose;
 use osteon_sim_core::tissue::TISSUES;
 
@@ -73,6 +74,7 @@ pub(crate) struct TickRecord {
     pub bone_from_device: Pose,
     pub bone_from_tool: Pose,
     pub force_n: DVec3,
+    pub felt: Felt,
     pub tool: u8,
     pub flags: Flags,
     pub removed_by_class: [i64; TISSUES],
@@ -81,7 +83,7 @@ pub(crate) struct TickRecord {
     pub revision: u64,
     pub drive: Option<DriveState>,
     pub trips: u8,
-    pub guard_events: u64,
+    pub guards: GuardCounts,
     pub link: LinkStats,
     /// Records that found the ring full so far.
     pub ring_overflows: u64,
@@ -98,4 +100,27 @@ pub(crate) struct Flags {
     pub paused: bool,
     pub embedded: bool,
     pub waiting: bool,
+    /// A real tool would meet more than the stylus may show.
+    pub saturated: bool,
+    pub clutched: bool,
+}
+
+/// What the force loop knows beside the force that it shows; of vectors their lengths.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Felt {
+    /// At a real tool, N.
+    pub physical_force_n: f64,
+    /// Part of the force at the stylus, N.
+    pub vibration_n: f64,
+    /// At a real tool, N·mm.
+    pub holding_torque_nmm: f64,
+    pub spindle_rad_s: f64,
+    /// Torque of the cut about the spindle, N·mm at a real tool.
+    pub spindle_nmm: f64,
+    /// The same over what its motor has, in [0, 1].
+    pub spindle_load: f64,
+    /// Account of the passivity observer, mJ.
+    pub energy_mj: f64,
+    /// Millimetres of the tool per millimetre of the stylus.
+    pub motion_scale: f64,
 }

@@ -1,5 +1,6 @@
 //! The session report of the haptics process.
 
+use super::loads::{GuardReport, Loads, by_guard};
 use super::publisher::{ViewerCounts, wire_digest};
 use super::stats::{Quantiles, Stats};
 use crate::feel::in_force;
@@ -122,10 +123,15 @@ pub struct SessionReport {
     pub passages: Vec<Passage>,
     /// Every parameter of the feel by its key, in the units of its table.
     pub feel: BTreeMap<&'static str, f64>,
-    /// Largest force at the stylus, N.
-    pub peak_force_n: f64,
-    /// Interventions of the output guards.
+    /// Newtons at the stylus for one newton at a real tool.
+    pub force_scale: f64,
+    /// Largest loads, and ticks at a limit.
+    #[serde(flatten)]
+    pub loads: Loads,
+    /// Interventions of all guards.
     pub guard_events: u64,
+    /// The same guard by guard.
+    pub guards: BTreeMap<String, GuardReport>,
     /// Records that found the ring full.
     pub ring_overflows: u64,
     /// Real-time rights that were refused.
@@ -170,6 +176,7 @@ impl SessionReport {
         let centroid = facts.cut.centroid(&facts.scene.bone);
         let plan_from_bone = facts.scene.bone_from_plan.inverse();
         let stats = facts.stats;
+        let guards = stats.last.map(|t| t.guards).unwrap_or_default();
         Self {
             bone: BoneReport {
                 source: facts.scene.source.clone(),
@@ -204,8 +211,10 @@ impl SessionReport {
                 .map(|c| plan_from_bone.point(c).truncate().length()),
             passages: facts.passages.clone(),
             feel: in_force(facts.feel),
-            peak_force_n: stats.peak_force_n,
-            guard_events: stats.last.map_or(0, |t| t.guard_events),
+            force_scale: facts.feel.force_scale,
+            loads: stats.loads.clone(),
+            guard_events: guards.total(),
+            guards: by_guard(&guards),
             ring_overflows: stats.last.map_or(0, |t| t.ring_overflows),
             realtime_refused: facts.realtime_refused.clone(),
             device: facts.device(),

@@ -116,7 +116,7 @@ fn with_listener(
     session: &Session<'_>,
     listener: interprocess::local_socket::Listener,
 ) -> anyhow::Result<()> {
-    let &Session { tools, scene, feel } = session;
+    let &Session { tools, scene, .. } = session;
     let pose_log = pose_log(args)?;
     if stop.load(Ordering::Relaxed) {
         bail!("asked to end before the session began");
@@ -128,7 +128,7 @@ fn with_listener(
     let servo = make_servo(args, session, &link)?;
     let mut publisher = Publisher {
         mirror: Mirror::new(Arc::clone(&scene.bone), tools.to_vec()),
-        stats: Stats::new(),
+        stats: Stats::new(tools),
         passages: Passages::new(
             Layers::along(&scene.bone, &scene.bone_from_plan),
             scene.bone_from_plan.inverse(),
@@ -137,13 +137,13 @@ fn with_listener(
         records: record_out,
         requests: request_in,
         listener,
-        scene: Arc::new(wire_scene(scene, tools, args.force_limit)),
+        scene: Arc::new(wire_scene(session, args.force_limit)),
         plan_from_bone: scene.bone_from_plan.inverse(),
-        force_scale: feel.force_scale,
         link_name: link_name.clone(),
         pose_log,
         clients: Vec::new(),
         viewers: ViewerCounts::default(),
+        let_go: false,
     };
     let resync = Resync::new(&scene.bone, tools.to_vec());
     link.prepare()?;
@@ -218,7 +218,8 @@ fn make_servo(
     Servo::new(setup).ok_or_else(|| anyhow!("no tools, or too many"))
 }
 
-fn wire_scene(scene: &Scene, tools: &[Tool], force_limit_n: f64) -> osteon_protocol::ipc::Scene {
+fn wire_scene(session: &Session<'_>, force_limit_n: f64) -> osteon_protocol::ipc::Scene {
+    let &Session { tools, scene, feel } = session;
     let grid = scene.bone.grid();
     osteon_protocol::ipc::Scene {
         source: clip(&scene.source).to_owned(),
@@ -234,9 +235,11 @@ fn wire_scene(scene: &Scene, tools: &[Tool], force_limit_n: f64) -> osteon_proto
                 name: t.name.clone(),
                 id: t.id.clone(),
                 outline_mm: t.shape.outline(),
+                rpm: t.rpm as f32,
             })
             .collect(),
         force_limit_n,
+        force_scale: feel.force_scale,
     }
 }
 

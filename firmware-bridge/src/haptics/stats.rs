@@ -1,10 +1,13 @@
 //! Counters and latency quantiles of a session, kept by the publisher.
 
+use super::loads::Loads;
 use super::record::TickRecord;
 use crate::fake::truth::drive_name;
 use hdrhistogram::Histogram;
 use osteon_protocol::device::DriveState;
-use osteon_protocol::ipc::Health;
+use osteon_protocol::ipc::{GuardCount, Health};
+use osteon_sim_core::chain::{Guard, GuardCounts};
+use osteon_sim_core::tool::Tool;
 use serde::Serialize;
 
 /// A tick is late when it starts more than this after its deadline, ns.
@@ -70,15 +73,17 @@ pub(crate) struct Stats {
     pub read: Latency,
     pub compute: Latency,
     pub roundtrip: Latency,
-    pub peak_force_n: f64,
+    pub loads: Loads,
     pub samples_used: u64,
     pub last: Option<TickRecord>,
+    // of each tool without a load
+    rpm: Vec<f64>,
     // watchdog trips at the first state, so that earlier sessions do not count
     first_trips: Option<u8>,
 }
 
 impl Stats {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(tools: &[Tool]) -> Self {
         Self {
             ticks: 0,
             late_ticks: 0,
@@ -89,7 +94,8 @@ impl Stats {
             read: Latency::new(),
             compute: Latency::new(),
             roundtrip: Latency::new(),
-            peak_force_n: 0.0,
+            loads: Loads::default(),
+            rpm: tools.iter().map(|t| t.rpm).collect(),
             samples_used: 0,
             last: None,
             first_trips: None,
@@ -118,7 +124,8 @@ impl Stats {
             self.roundtrip.record(ns);
         }
         self.samples_used += u64::from(tick.state.is_some());
-        self.peak_force_n = self.peak_force_n.max(tick.force_n.length());
+        let rpm = self.rpm.get(usize::from(tick.tool));
+        self.loads.add(tick, rpm.copied().unwrap_or(0.0));
         if tick.drive.is_some() && self.first_trips.is_none() {
             self.first_trips = Some(tick.trips);
         }
@@ -156,16 +163,28 @@ impl Stats {
             crc_errors: last.map_or(0, |t| t.link.crc_errors),
             gaps: last.map_or(0, |t| t.link.gaps),
             watchdog_trips: self.trips(),
-            guard_events: last.map_or(0, |t| t.guard_events),
+            guard_events: last.map_or(0, |t| t.guards.total()),
+            guards: last.map(|t| guards(&t.guards)).unwrap_or_default(),
             note: last.map(note).unwrap_or_default(),
         }
     }
+}
+
+fn guards(counts: &GuardCounts) -> Vec<GuardCount> {
+    let of = |guard: &Guard| GuardCount {
+        name: guard.name().to_owned(),
+        count: counts.of(*guard),
+        last_tick: counts.last(*guard).unwrap_or(0),
+    };
+    Guard::ALL.iter().map(of).collect()
 }
 
 /// Why there is no force, in words for the person at the stylus.
 fn note(tick: &TickRecord) -> String {
     let text = if tick.flags.paused {
         "paused: no force, no cutting"
+    } else if tick.flags.clutched {
+        "the clutch is held: the tool waits until it is let go"
     } else if tick.flags.embedded {
         "the tool is inside bone: pull it out to feel it again"
     } else if tick.flags.waiting {

@@ -1,15 +1,19 @@
 //! The servo's border to the publisher, with a scripted cable and a small ring.
 
 use super::mirror::Mirror;
-use super::record::Record;
+use super::publisher::forward;
+use super::record::{Record, TickRecord};
 use super::resync::Resync;
 use super::servo_loop::{Beat, ServoThread, Timing, one_beat};
+use super::stats::Stats;
 use crate::link::{DeviceLink, LinkError, LinkStats};
 use crate::rt::now_ns;
 use crate::scene::{Scene, SceneArgs, load};
 use glam::{DQuat, DVec3};
 use osteon_protocol::device::{CommandFrame, DeviceHello, DriveState, StateFrame};
+use osteon_protocol::ipc::Command;
 use osteon_sim_core::bone::{Bone, DenseBone};
+use osteon_sim_core::chain::GUARDS;
 use osteon_sim_core::feel::Feel;
 use osteon_sim_core::grid::Grid;
 use osteon_sim_core::omni;
@@ -50,6 +54,12 @@ fn slowly(seq: u16) -> f64 {
 fn in_a_hurry(seq: u16) -> f64 {
     let ms = f64::from(seq % 1000);
     7.0 - 0.3 * (ms - 500.0).min(800.0 - ms).clamp(0.0, 50.0)
+}
+
+/// In the air: at rest but for 2 mm down from state 200 on, and 1 mm more from 600 on.
+fn in_two_steps(seq: u16) -> f64 {
+    let way = |from: u16, most: u16| f64::from(seq.saturating_sub(from).min(most)) * 0.01;
+    14.0 - way(200, 200) - way(600, 100)
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "counts of small angles")]
@@ -126,6 +136,10 @@ struct Pair {
 
 impl Pair {
     fn new(capacity: usize) -> Self {
+        Self::over_phantom(capacity, slowly)
+    }
+
+    fn over_phantom(capacity: usize, height: fn(u16) -> f64) -> Self {
         let args = SceneArgs {
             voxel_mm: Some(1.2),
             ..SceneArgs::default()
@@ -133,7 +147,7 @@ impl Pair {
         let scene: Scene = load(&args, &mut |_, _| {}).expect("the phantom");
         let bone_from_base = bone_from_base(&scene.bone_from_plan, scene.bone.lps_from_bone());
         let poses = [bone_from_base, scene.bone_from_plan];
-        Self::with(capacity, (scene.bone, poses), slowly)
+        Self::with(capacity, (scene.bone, poses), height)
     }
 
     /// A reamer in soft bone of fine voxels: more work than a tick's budget.
@@ -203,6 +217,25 @@ impl Pair {
             };
             self.mirror.apply(&record, &mut |_, _| {});
         }
+    }
+
+    /// Runs, and gives the last tick's record.
+    fn run_and_look(&mut self, ticks: u32) -> TickRecord {
+        self.run(ticks);
+        let mut last = None;
+        while let Ok(record) = self.records.pop() {
+            if let Record::Tick(tick) = record {
+                last = Some(tick);
+            }
+        }
+        last.expect("a tick")
+    }
+
+    /// As a viewer's wish comes.
+    fn wish(&mut self, command: Command) {
+        let mut dropped = 0;
+        assert!(!forward(command, &mut self.requests, &mut dropped));
+        assert_eq!(dropped, 0);
     }
 
     /// Runs until a step is pending at the end of a tick.
@@ -355,4 +388,148 @@ fn a_lost_step_that_is_pending_is_copied_when_it_is_whole() {
     assert!(!pair.thread.resync.is_behind(), "all was copied");
     pair.thread.servo.finish_carving();
     pair.assert_equal();
+}
+
+/// Way between the tools of two ticks, mm, and the angle between them, rad.
+fn apart(a: &TickRecord, b: &TickRecord) -> (f64, f64) {
+    let (a, b) = (&a.bone_from_tool, &b.bone_from_tool);
+    (
+        (a.translation - b.translation).length(),
+        a.rotation.angle_between(b.rotation),
+    )
+}
+
+#[test]
+fn clutch_scale_and_turn_reach_the_servo_and_leave_the_tool_where_it_is() {
+    let stays = |a: &TickRecord, b: &TickRecord| {
+        let (way, angle) = apart(a, b);
+        assert!(way < 1e-9 && angle < 1e-6, "{way} mm, {angle} rad");
+    };
+    let mut pair = Pair::over_phantom(4096, in_two_steps);
+    let rest = pair.run_and_look(150);
+    assert!(!rest.flags.clutched && !rest.flags.waiting);
+    assert!((rest.felt.motion_scale - 1.0).abs() < 1e-12);
+    // the hand goes down by 2 mm with the clutch held
+    pair.wish(Command::Clutch(true));
+    let held = pair.run_and_look(300);
+    assert!(held.flags.clutched);
+    assert!((held.stylus_in_base - rest.stylus_in_base).length() > 1.8);
+    stays(&rest, &held);
+    pair.wish(Command::Clutch(false));
+    let free = pair.run_and_look(10);
+    assert!(!free.flags.clutched);
+    stays(&rest, &free);
+    pair.wish(Command::MotionScale(2000));
+    pair.wish(Command::TurnWorkspace(500));
+    let scaled = pair.run_and_look(10);
+    assert!((scaled.felt.motion_scale - 2.0).abs() < 1e-12);
+    stays(&rest, &scaled);
+    // and then it follows, twice as far as the hand; the line of sight keeps its direction
+    let moved = pair.run_and_look(300);
+    let hand = (moved.stylus_in_base - scaled.stylus_in_base).length();
+    let (way, _) = apart(&scaled, &moved);
+    assert!(
+        hand > 0.8 && (way / hand - 2.0).abs() < 1e-6,
+        "{way} {hand}"
+    );
+}
+
+#[test]
+fn wishes_out_of_their_range_do_not_reach_the_ring() {
+    let (mut requests, mut out) = RingBuffer::new(4);
+    let mut dropped = 0;
+    for command in [
+        Command::SelectTool(8),
+        Command::MotionScale(0),
+        Command::MotionScale(199),
+        Command::MotionScale(5001),
+        Command::TurnWorkspace(3143),
+        Command::TurnWorkspace(i16::MIN),
+    ] {
+        assert!(!forward(command, &mut requests, &mut dropped));
+        assert!(out.is_empty(), "{command:?}");
+    }
+    assert_eq!(dropped, 0, "they are refused, not dropped");
+    for (command, request) in [
+        (Command::Clutch(true), Request::Clutch(true)),
+        (Command::MotionScale(1250), Request::MotionScale(1.25)),
+        (Command::TurnWorkspace(-262), Request::TurnWorkspace(-0.262)),
+    ] {
+        assert!(!forward(command, &mut requests, &mut dropped));
+        assert_eq!(out.pop(), Ok(request));
+    }
+    assert!(forward(Command::Stop, &mut requests, &mut dropped));
+    assert!(out.is_empty());
+}
+
+#[test]
+fn what_the_loop_knows_is_recorded_and_counted() {
+    let mut pair = Pair::new(4096);
+    let mut stats = Stats::new(&Tool::standard_set());
+    let mut last = None;
+    for _ in 0..40 {
+        pair.run(100);
+        while let Ok(record) = pair.records.pop() {
+            if let Record::Tick(tick) = record {
+                stats.add(&tick);
+                last = Some(tick);
+            }
+        }
+    }
+    let last = last.expect("a tick");
+    let guards = pair.thread.servo.guards();
+    assert_eq!(last.guards, guards);
+    let health = stats.health("scripted");
+    assert_eq!(health.guard_events, guards.total());
+    assert_eq!(
+        health.guard_events,
+        health.guards.iter().map(|g| g.count).sum::<u64>()
+    );
+    assert_eq!(health.guards.len(), GUARDS);
+    assert!(
+        health
+            .guards
+            .iter()
+            .all(|g| (g.count == 0) == (g.last_tick == 0))
+    );
+    assert!(health.guards.iter().all(|g| g.last_tick <= health.ticks));
+    let loads = &stats.loads;
+    // a cut of 5 mm into the phantom
+    assert!(
+        loads.peak_physical_force_n > loads.peak_force_n,
+        "{loads:?}"
+    );
+    assert!(
+        loads.peak_spindle_nmm > 0.0 && loads.peak_vibration_n > 0.0,
+        "{loads:?}"
+    );
+    assert!((0.0..=1.0).contains(&loads.peak_spindle_load) && loads.clutched_ticks == 0);
+    assert!(last.felt.spindle_rad_s > 0.0);
+}
+
+#[test]
+fn a_spindle_that_hardly_turns_under_a_load_has_stalled() {
+    let mut pair = Pair::new(4096);
+    let template = pair.run_and_look(10);
+    let mut stats = Stats::new(&Tool::standard_set());
+    let rpm = Tool::standard_set()[0].rpm;
+    let mut add = |share: f64, load: f64, on: bool, saturated: bool| {
+        let mut tick = template;
+        tick.tool = 0;
+        tick.felt.spindle_rad_s = share * rpm * std::f64::consts::TAU / 60.0;
+        tick.felt.spindle_load = load;
+        tick.flags.spindle_on = on;
+        tick.flags.saturated = saturated;
+        stats.add(&tick);
+        (stats.loads.stalled_ticks, stats.loads.saturated_ticks)
+    };
+    assert_eq!(
+        add(0.05, 0.0, true, false),
+        (0, 0),
+        "it spins up in the air"
+    );
+    assert_eq!(add(0.11, 1.0, true, true), (0, 1), "slow, not stalled");
+    assert_eq!(add(0.05, 0.4, false, true), (0, 2), "switched off");
+    assert_eq!(add(0.05, 0.4, true, true), (1, 3));
+    assert_eq!(add(0.0, 1.0, true, false), (2, 3));
 }

@@ -107,8 +107,7 @@ impl Figures<'_> {
     fn bone(&self) -> String {
         format!(
             "  bone        {}\n              {} mm3 solid, {} of {} chunks, voxels {} mm\n  \
-             removed     {} mm3: {}; centroid {} mm off the planned axis\n  \
-             force       peak {} N at the stylus",
+             removed     {} mm3: {}; centroid {} mm off the planned axis\n{}",
             self.word("/bone/source"),
             self.number("/bone/solid_mm3", 0),
             self.number("/bone/chunks_active", 0),
@@ -117,7 +116,51 @@ impl Figures<'_> {
             self.number("/removed_mm3", 1),
             self.by_tool(),
             self.number("/removed_centroid_off_axis_mm", 2),
-            self.number("/peak_force_n", 2)
+            self.loads()
+        )
+    }
+
+    /// Force, spindle and guards.
+    fn loads(&self) -> String {
+        format!(
+            "  force       peak {} N at the stylus ({} N at a real tool, scale {}), limit reached in {} ticks\n  \
+             spindle     peak {} Nmm of cut ({} of what the motor has), stalled in {} ticks\n  \
+             guards      {}",
+            self.number("/peak_force_n", 2),
+            self.number("/peak_physical_force_n", 1),
+            self.0["force_scale"]
+                .as_f64()
+                .map_or_else(|| "-".to_owned(), |scale| scale.to_string()),
+            self.number("/saturated_ticks", 0),
+            self.number("/peak_spindle_nmm", 0),
+            self.number("/peak_spindle_load", 2),
+            self.number("/stalled_ticks", 0),
+            self.guards()
+        )
+    }
+
+    /// The guards that intervened: in how many ticks, and when last.
+    fn guards(&self) -> String {
+        let Some(guards) = self.0["guards"].as_object() else {
+            return "-".to_owned();
+        };
+        let each = guards.iter().filter_map(|(name, guard)| {
+            let last = guard["last_tick"].as_f64()?;
+            let name = name.replace('_', " ");
+            Some(format!(
+                "{name} {} (last at {:.1} s)",
+                guard["count"],
+                last * 1e-3
+            ))
+        });
+        let each = each.collect::<Vec<_>>();
+        if each.is_empty() {
+            return "none had to act".to_owned();
+        }
+        format!(
+            "{} ticks: {}",
+            self.number("/guard_events", 0),
+            each.join(", ")
         )
     }
 
@@ -247,4 +290,40 @@ fn text(report: &Value, args: &DemoArgs) -> String {
 #[expect(clippy::print_stdout, reason = "the report of a command-line program")]
 pub(crate) fn say(text: &str) {
     println!("{text}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_loads_are_told_in_both_newtons() {
+        let report = json!({
+            "peak_force_n": 0.951, "peak_physical_force_n": 31.7, "force_scale": 0.03,
+            "saturated_ticks": 7, "peak_spindle_nmm": 912.4, "peak_spindle_load": 0.46,
+            "stalled_ticks": 2, "guard_events": 40,
+            "guards": {
+                "clamp": {"count": 7, "last_tick": 2345},
+                "implausible_sample": {"count": 33, "last_tick": 100},
+                "hold": {"count": 0, "last_tick": null},
+            },
+        });
+        assert_eq!(
+            Figures(&report).loads(),
+            "  force       peak 0.95 N at the stylus (31.7 N at a real tool, scale 0.03), limit reached in 7 ticks\n  \
+             spindle     peak 912 Nmm of cut (0.46 of what the motor has), stalled in 2 ticks\n  \
+             guards      40 ticks: clamp 7 (last at 2.3 s), implausible sample 33 (last at 0.1 s)"
+        );
+        let none = json!({"guards": {"clamp": {"count": 0, "last_tick": null}}});
+        assert!(
+            Figures(&none)
+                .loads()
+                .ends_with("guards      none had to act")
+        );
+        assert!(
+            Figures(&json!({}))
+                .loads()
+                .contains("peak - N at the stylus")
+        );
+    }
 }

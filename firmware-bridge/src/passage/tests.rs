@@ -2,11 +2,12 @@
 
 use super::layers::{Layer, Layers};
 use super::{Passage, Passages, expected_s};
-use crate::haptics::record::{Flags, TickRecord};
+use crate::haptics::record::{Felt, Flags, TickRecord};
 use crate::link::LinkStats;
 use core::f64::consts::{PI, TAU};
 use glam::{DQuat, DVec3};
 use osteon_sim_core::bone::{Bone, DenseBone};
+use osteon_sim_core::chain::GuardCounts;
 use osteon_sim_core::feel::Feel;
 use osteon_sim_core::grid::Grid;
 use osteon_sim_core::pose::Pose;
@@ -64,6 +65,7 @@ fn tick(tick: u64, depth: f64, off: f64, force: f64) -> TickRecord {
         bone_from_device: Pose::IDENTITY,
         bone_from_tool: Pose::new(DQuat::IDENTITY, DVec3::new(off, 0.0, 1.0 - depth)),
         force_n: DVec3::Z * force,
+        felt: Felt::default(),
         tool: 1,
         flags: Flags::default(),
         removed_by_class: [0; TISSUES],
@@ -71,7 +73,7 @@ fn tick(tick: u64, depth: f64, off: f64, force: f64) -> TickRecord {
         revision: 0,
         drive: None,
         trips: 0,
-        guard_events: 0,
+        guards: GuardCounts::default(),
         link: LinkStats::default(),
         ring_overflows: 0,
     }

@@ -18,8 +18,8 @@ pub(crate) fn show(ui: &mut egui::Ui, status: &Status) {
         row(ui, "voxels", format!("{x} × {y} × {z}"));
         let [hx, hy, hz] = scene.spacing_mm;
         row(ui, "spacing", format!("{hx:.3} × {hy:.3} × {hz:.3} mm"));
-        row(ui, "chunks", format!("{} of 32³ voxels", status.chunks.0));
-        row(ui, "solid", format!("{:.0} mm³", scene.solid_mm3));
+        let solid = format!("{:.0} mm³ in {} chunks", scene.solid_mm3, status.chunks.0);
+        row(ui, "solid", solid);
         let total: f64 = status.removed_mm3.iter().sum();
         row(
             ui,

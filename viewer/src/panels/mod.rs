@@ -3,6 +3,8 @@
 
 mod bone;
 mod connection;
+mod guards;
+mod hand;
 pub(crate) mod overlay;
 pub(crate) mod plots;
 mod rates;
@@ -75,6 +77,27 @@ impl Status {
         self.pose.is_some_and(|p| p.paused)
     }
 
+    fn clutched(&self) -> bool {
+        self.pose.is_some_and(|p| p.clutched)
+    }
+
+    fn saturated(&self) -> bool {
+        self.pose.is_some_and(|p| p.saturated)
+    }
+
+    /// Speed of the tool in hand without a load, turns a minute.
+    fn set_rpm(&self) -> Option<f32> {
+        let tool = usize::from(self.pose?.tool);
+        self.scene.as_ref()?.tools.get(tool).map(|t| t.rpm)
+    }
+
+    /// Whether the spindle is held fast: under a load, below a tenth of its speed.
+    fn stalled(&self) -> bool {
+        let set = self.set_rpm().unwrap_or(0.0);
+        self.pose
+            .is_some_and(|p| p.spindle_on && p.spindle_load > 0.0 && p.spindle_rpm < 0.1 * set)
+    }
+
     fn tools(&self) -> usize {
         self.scene.as_ref().map_or(0, |s| s.tools.len())
     }
@@ -125,24 +148,27 @@ pub(crate) fn facts(ui: &mut egui::Ui, status: &Status, wishes: &mut Vec<Wish>) 
     egui::ScrollArea::vertical().show(ui, |ui| {
         connection::show(ui, status);
         tool::show(ui, status, wishes);
+        hand::show(ui, status, wishes);
         bone::show(ui, status);
+        guards::show(ui, status);
         rates::show(ui, status);
     });
 }
 
 /// A heading with a line under it.
-fn heading(ui: &mut egui::Ui, text: &str) {
-    ui.add_space(5.0);
-    ui.label(
+fn heading(ui: &mut egui::Ui, text: &str) -> egui::Response {
+    ui.add_space(3.0);
+    let label = ui.label(
         RichText::new(text)
             .strong()
             .size(14.0)
             .color(Color32::from_rgb(0x8f, 0xc7, 0xff)),
     );
-    ui.separator();
+    ui.add(egui::Separator::default().spacing(3.0));
+    label
 }
 
-/// Height of a row of facts, points: so that all of them fit into a window 720 high.
+/// Height of a row of facts, points: so that the usual ones fit into a window 800 high.
 const ROW: f32 = 15.0;
 
 /// A grid of names and values.
@@ -162,8 +188,17 @@ fn row(ui: &mut egui::Ui, name: &str, value: impl Into<RichText>) {
     ui.end_row();
 }
 
-/// What the keys that were pressed ask for.
-pub(crate) fn hotkeys(ctx: &egui::Context, status: &Status) -> Vec<Wish> {
+/// [`row`] with an explanation under the pointer.
+fn row_with(ui: &mut egui::Ui, name: &str, value: impl Into<RichText>, tip: &str) {
+    ui.label(RichText::new(name).color(Color32::from_gray(0xa8)))
+        .on_hover_text(tip);
+    ui.add(egui::Label::new(value.into()).truncate())
+        .on_hover_text(tip);
+    ui.end_row();
+}
+
+/// What the keys that were pressed ask for. `clutch`: whether its key is held, from frame to frame.
+pub(crate) fn hotkeys(ctx: &egui::Context, status: &Status, clutch: &mut bool) -> Vec<Wish> {
     const DIGITS: [Key; 8] = [
         Key::Num1,
         Key::Num2,
@@ -196,6 +231,12 @@ pub(crate) fn hotkeys(ctx: &egui::Context, status: &Status) -> Vec<Wish> {
             (Key::Escape, Wish::Quit),
         ];
         let bare = !input.modifiers.command && !input.modifiers.alt;
+        // let go with the key, and where the window loses the keyboard
+        let held = bare && input.focused && input.key_down(Key::C);
+        if held != *clutch {
+            *clutch = held;
+            wishes.push(Wish::Command(Command::Clutch(held)));
+        }
         wishes.extend(
             plain
                 .iter()
@@ -207,4 +248,90 @@ pub(crate) fn hotkeys(ctx: &egui::Context, status: &Status) -> Vec<Wish> {
         }
     });
     wishes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::messages::{pose_at, scene};
+    use glam::DVec3;
+    use osteon_sim_core::bone::Bone;
+    use osteon_sim_core::grid::Grid;
+    use osteon_sim_core::pose::Pose;
+
+    #[test]
+    fn a_spindle_stalls_under_a_load_only() {
+        let grid = Grid::new([32; 3], DVec3::ONE).unwrap();
+        let bone = Bone::new(grid, Pose::IDENTITY);
+        let mut status = Status {
+            scene: Some(Arc::new(scene(&bone, &Pose::IDENTITY))),
+            pose: Some(pose_at([0.0; 3])),
+            ..Status::default()
+        };
+        assert_eq!(status.set_rpm(), Some(800.0));
+        let mut stalls = |rpm, load, on| {
+            status.pose = status.pose.map(|p| PoseUpdate {
+                spindle_rpm: rpm,
+                spindle_load: load,
+                spindle_on: on,
+                ..p
+            });
+            status.stalled()
+        };
+        assert!(stalls(79.0, 0.4, true));
+        assert!(!stalls(81.0, 1.0, true), "slow, not stalled");
+        assert!(!stalls(0.0, 0.0, true), "it begins to turn");
+        assert!(!stalls(0.0, 0.4, false), "switched off");
+    }
+
+    /// One frame with these events.
+    fn frame(
+        ctx: &egui::Context,
+        events: Vec<egui::Event>,
+        focused: bool,
+        held: &mut bool,
+    ) -> Vec<Wish> {
+        let input = egui::RawInput {
+            events,
+            focused,
+            ..egui::RawInput::default()
+        };
+        let mut wishes = Vec::new();
+        drop(ctx.run_ui(input, |ui| {
+            wishes = hotkeys(ui.ctx(), &Status::default(), held);
+        }));
+        wishes
+    }
+
+    #[test]
+    fn the_clutch_is_held_as_long_as_its_key() {
+        let key = |pressed| egui::Event::Key {
+            key: Key::C,
+            physical_key: None,
+            pressed,
+            repeat: false,
+            modifiers: egui::Modifiers::NONE,
+        };
+        let clutch = |hold| vec![Wish::Command(Command::Clutch(hold))];
+        let ctx = egui::Context::default();
+        let mut held = false;
+        assert_eq!(frame(&ctx, vec![], true, &mut held), []);
+        assert_eq!(frame(&ctx, vec![key(true)], true, &mut held), clutch(true));
+        assert_eq!(
+            frame(&ctx, vec![key(true)], true, &mut held),
+            [],
+            "a repeat"
+        );
+        assert_eq!(frame(&ctx, vec![], true, &mut held), []);
+        assert_eq!(
+            frame(&ctx, vec![key(false)], true, &mut held),
+            clutch(false)
+        );
+        assert_eq!(frame(&ctx, vec![key(true)], true, &mut held), clutch(true));
+        assert_eq!(
+            frame(&ctx, vec![], false, &mut held),
+            clutch(false),
+            "another window"
+        );
+    }
 }

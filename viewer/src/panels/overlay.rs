@@ -50,6 +50,12 @@ fn notes(ui: &mut egui::Ui, status: &Status) {
     if status.paused() {
         note(ui, "PAUSED: no force, no cutting (P goes on)");
     }
+    if status.clutched() {
+        note(
+            ui,
+            "CLUTCH: the tool waits, the stylus moves freely (let C go)",
+        );
+    }
     if status.waiting > 2000 {
         note(
             ui,
@@ -92,10 +98,11 @@ pub(crate) fn help(ctx: &egui::Context, status: &Status, open: &mut bool) {
         });
 }
 
-const KEYS: [(&str, &str); 11] = [
+const KEYS: [(&str, &str); 12] = [
     ("S", "spindle on or off"),
     ("P", "pause (no force, no cutting) or go on"),
     ("R", "back to the uncut bone"),
+    ("C", "hold: the tool waits while the stylus moves freely"),
     ("W", "show the whole bone"),
     ("G", "show the glenoid closely"),
     ("H", "hide or show the tool"),

@@ -17,10 +17,18 @@ pub(crate) fn show(ui: &mut egui::Ui, status: &Status) {
     let limit = status.scene.as_ref().map_or(3.3, |s| s.force_limit_n);
     ui.columns_const(|[left, right]| {
         let force = newest.map_or(0.0, |p| p.force_n);
+        let real = status.pose.map_or(0.0, |p| p.physical_force_n);
+        let mark = if status.saturated() {
+            "  AT THE LIMIT"
+        } else {
+            ""
+        };
         title(
             left,
-            &format!("Force at the stylus, N: {force:.2} (limit {limit:.1})"),
-            FORCE,
+            &format!(
+                "Force at the stylus, N: {force:.2} of {limit:.1} ({real:.1} at a real tool){mark}"
+            ),
+            if status.saturated() { FAILURE } else { FORCE },
         );
         let points = series(status, |p| p.force_n);
         plot("force").show(left, |plot| {

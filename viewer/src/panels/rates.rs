@@ -16,18 +16,13 @@ pub(crate) fn show(ui: &mut egui::Ui, status: &Status) {
         let Some(health) = &status.health else {
             return;
         };
-        row(ui, "servo ticks", health.ticks.to_string());
         let share = 100.0 * health.late_ticks as f64 / health.ticks.max(1) as f64;
-        let late = RichText::new(format!("{} ({share:.3} %)", health.late_ticks)).strong();
+        let late = format!("{} of {} ({share:.3} %)", health.late_ticks, health.ticks);
+        let late = RichText::new(late).strong();
         row(
             ui,
             "late ticks",
             late.color(if health.late_ticks > 0 { WARNING } else { GOOD }),
-        );
-        row(
-            ui,
-            "guards",
-            format!("{} interventions", health.guard_events),
         );
     });
     let Some(health) = &status.health else {

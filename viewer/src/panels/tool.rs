@@ -1,8 +1,8 @@
 //! Tool and spindle, with the buttons of the session.
 
-use super::{Status, Wish, heading, row, table};
-use crate::palette::{FORCE, GOOD};
-use egui::{Button, RichText};
+use super::{ROW, Status, Wish, heading, row, row_with, table};
+use crate::palette::{FAILURE, FORCE, GOOD, LOAD};
+use egui::{Button, Color32, ProgressBar, RichText};
 use osteon_protocol::ipc::{Command, PoseUpdate};
 
 /// Shows the panel.
@@ -52,17 +52,8 @@ pub(crate) fn show(ui: &mut egui::Ui, status: &Status, wishes: &mut Vec<Wish>) {
 
 fn figures(ui: &mut egui::Ui, status: &Status, pose: &PoseUpdate) {
     table(ui, "tool", |ui| {
-        let newest = status.points.last();
-        let force = newest.map_or(0.0, |p| p.force_n);
-        let limit = status.scene.as_ref().map_or(0.0, |s| s.force_limit_n);
-        row(
-            ui,
-            "force",
-            RichText::new(format!("{force:.2} N of {limit:.1} N"))
-                .color(FORCE)
-                .strong(),
-        );
-        row(ui, "real tool", format!("{:.1} N", pose.physical_force_n));
+        spindle(ui, status, pose);
+        force(ui, status, pose);
         row(
             ui,
             "depth",
@@ -79,4 +70,81 @@ fn figures(ui: &mut egui::Ui, status: &Status, pose: &PoseUpdate) {
             },
         );
     });
+}
+
+fn spindle(ui: &mut egui::Ui, status: &Status, pose: &PoseUpdate) {
+    let (set, rpm) = (status.set_rpm().unwrap_or(0.0), pose.spindle_rpm);
+    let speed = if status.stalled() {
+        RichText::new("STALLED: pull back a little")
+            .color(FAILURE)
+            .strong()
+    } else if pose.spindle_on {
+        RichText::new(format!("{rpm:.0} of {set:.0} rpm"))
+    } else {
+        RichText::new(format!("off ({set:.0} rpm)"))
+    };
+    row_with(
+        ui,
+        "speed",
+        speed,
+        "Under a load the spindle slows down. It stalls where the cut asks for more torque than the motor has; \
+         it turns again as soon as you press less.",
+    );
+    let tip = "Torque of the cut over what the spindle's motor has. A surgeon hears it in the sound of the drill.";
+    ui.label(RichText::new("load").color(Color32::from_gray(0xa8)))
+        .on_hover_text(tip);
+    let bar = ProgressBar::new(pose.spindle_load)
+        .desired_width(150.0)
+        .desired_height(ROW - 2.0)
+        .corner_radius(2)
+        .fill(if pose.spindle_load > 0.8 {
+            FAILURE
+        } else {
+            LOAD
+        });
+    ui.horizontal(|ui| {
+        ui.add(bar);
+        ui.label(format!("{:.0} %", 100.0 * pose.spindle_load));
+    })
+    .response
+    .on_hover_text(tip);
+    ui.end_row();
+    row_with(
+        ui,
+        "cutting",
+        format!(
+            "{:.0} N·mm, vibration {:.2} N",
+            pose.spindle_nmm, pose.vibration_n
+        ),
+        "Torque with which the bone brakes a real tool. The hand feels the part of it that shakes, by each lip as it \
+         passes; the rest is held by the handpiece.",
+    );
+}
+
+fn force(ui: &mut egui::Ui, status: &Status, pose: &PoseUpdate) {
+    let newest = status.points.last();
+    let force = newest.map_or(0.0, |p| p.force_n);
+    let (limit, scale) = status
+        .scene
+        .as_ref()
+        .map_or((0.0, 0.0), |s| (s.force_limit_n, s.force_scale));
+    let stylus = if pose.saturated {
+        RichText::new(format!("{force:.2} N, AT THE LIMIT of {limit:.1} N")).color(FAILURE)
+    } else {
+        RichText::new(format!("{force:.2} N of {limit:.1} N")).color(FORCE)
+    };
+    row_with(
+        ui,
+        "force",
+        stylus.strong(),
+        "What your hand feels at the stylus, after all guards. At the limit a real tool would push back harder than \
+         this device may: trust your eyes, not your hand.",
+    );
+    row_with(
+        ui,
+        "real tool",
+        format!("{:.1} N (scale {scale})", pose.physical_force_n),
+        "What a real tool would meet in this bone. The stylus shows this share of it, since its motors cannot \
+         bear the whole.",
+    );
 }

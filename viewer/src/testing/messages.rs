@@ -28,10 +28,17 @@ pub(crate) fn pose_at(translation_mm: [f64; 3]) -> PoseUpdate {
         tool: 0,
         spindle_on: true,
         paused: false,
+        clutched: false,
+        saturated: false,
         bone_from_tool: pose,
         bone_from_device: pose,
         force_n: [0.0, 0.0, 1.5],
         physical_force_n: 30.0,
+        vibration_n: 0.05,
+        spindle_rpm: 600.0,
+        spindle_nmm: 400.0,
+        spindle_load: 0.4,
+        motion_scale: 1.0,
         depth_mm: 2.0,
         removed_mm3: 0.0,
     }
@@ -58,6 +65,7 @@ pub(crate) fn tools() -> Vec<ToolInfo> {
         name: name.into(),
         id: id.into(),
         outline_mm,
+        rpm: 800.0,
     };
     vec![
         tool("peg drill", "peg_drill", drill),
@@ -77,6 +85,7 @@ pub(crate) fn scene(bone: &Bone, bone_from_plan: &Pose) -> Scene {
         solid_mm3: bone.solid_mm3(),
         tools: tools(),
         force_limit_n: 3.3,
+        force_scale: 0.03,
     }
 }
 
