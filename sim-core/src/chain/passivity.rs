@@ -28,8 +28,8 @@ const FORGET: f64 = 0.98;
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Passivity {
     energy_mj: f64,
-    // angles, rad, and torque in force since, N·mm
-    last: Option<(DVec3, DVec3)>,
+    // angles, rad, torque in force since, N·mm, and the vibration's beside it
+    last: Option<(DVec3, DVec3, DVec3)>,
 }
 
 impl Passivity {
@@ -44,19 +44,22 @@ impl Passivity {
     }
 
     /// A sample: joint angles, rad, and the torque in force from it on without what lies outside the
-    /// account (vibration), N·mm.
-    pub fn observe(&mut self, angles: DVec3, applied_nmm: DVec3) {
-        if let Some((before, torque)) = self.last {
+    /// account, and that (vibration), N·mm. A stylus that vibrates crosses counts of its encoders, and each
+    /// costs the loop energy as any delayed spring does: up to the vibration's torque times the way that
+    /// is the vibration's doing, and no more than friction is it counted.
+    pub fn observe(&mut self, angles: DVec3, applied_nmm: DVec3, buzz_nmm: DVec3) {
+        if let Some((before, torque, buzz)) = self.last {
             let work = torque.dot(angles - before);
             if work.is_finite() {
                 self.energy_mj -= work;
-                let rubbed = FRICTION_NMM * (angles - before).abs().element_sum();
+                let way = (angles - before).abs();
+                let rubbed = FRICTION_NMM * way.element_sum() + buzz.abs().dot(way);
                 if self.energy_mj < 0.0 {
                     self.energy_mj = (self.energy_mj + rubbed).min(0.0);
                 }
             }
         }
-        self.last = Some((angles, applied_nmm));
+        self.last = Some((angles, applied_nmm, buzz_nmm));
     }
 
     /// What cutting used up, mJ at the stylus: taken out of a surplus.
@@ -121,7 +124,7 @@ mod tests {
         let path = (0..=n).chain((0..n).rev());
         for i in path {
             let x = f64::from(i) * step;
-            observer.observe(DVec3::X * x, DVec3::X * (-k * x));
+            observer.observe(DVec3::X * x, DVec3::X * (-k * x), DVec3::ZERO);
         }
         let made = k * step * step * f64::from(n);
         let burnt = FRICTION_NMM * step * f64::from(n);
@@ -137,8 +140,8 @@ mod tests {
         let guard = Feel::default().guard;
         let mut observer = Passivity::default();
         // 100 N·mm through 0.0002 rad, of which a smooth arm's friction burns 2.7 N·mm
-        observer.observe(DVec3::ZERO, DVec3::X * 100.0);
-        observer.observe(DVec3::X * 0.0002, DVec3::ZERO);
+        observer.observe(DVec3::ZERO, DVec3::X * 100.0, DVec3::ZERO);
+        observer.observe(DVec3::X * 0.0002, DVec3::ZERO, DVec3::ZERO);
         let made = 0.0002 * (100.0 - FRICTION_NMM);
         assert!((observer.energy_mj() + made).abs() < 1e-12);
         let still = (DVec3::ZERO, 0.0);
@@ -162,17 +165,17 @@ mod tests {
     #[test]
     fn cutting_takes_a_surplus_only() {
         let mut observer = Passivity::default();
-        observer.observe(DVec3::ZERO, DVec3::X * -1.0);
-        observer.observe(DVec3::X * 0.5, DVec3::X * 2.0);
+        observer.observe(DVec3::ZERO, DVec3::X * -1.0, DVec3::ZERO);
+        observer.observe(DVec3::X * 0.5, DVec3::X * 2.0, DVec3::ZERO);
         observer.consume(0.2);
         assert!((observer.energy_mj() - 0.3).abs() < 1e-12);
         observer.consume(5.0);
         assert!(observer.energy_mj().abs() < 1e-15);
-        observer.observe(DVec3::X * 0.6, DVec3::X * 100.0);
-        observer.observe(DVec3::X * 0.7, DVec3::ZERO);
+        observer.observe(DVec3::X * 0.6, DVec3::X * 100.0, DVec3::ZERO);
+        observer.observe(DVec3::X * 0.7, DVec3::ZERO, DVec3::ZERO);
         observer.consume(5.0);
         assert!(observer.energy_mj() < 0.0);
-        observer.observe(DVec3::NAN, DVec3::ZERO);
+        observer.observe(DVec3::NAN, DVec3::ZERO, DVec3::ZERO);
         assert!(observer.energy_mj().is_finite());
     }
 }

@@ -34,10 +34,26 @@ hard_cases! {
     case_03_the_linear_loop_swings_where_the_law_says: 3,
     case_04_a_tap_gives_no_more_than_it_got: 4,
     case_05_a_saturated_impact_leaves_the_proxy_outside: 5,
+    case_06_a_thin_plate_is_not_crossed: 6,
+    case_07_an_edge_turns_the_force_gently: 7,
+    case_08_an_oblique_plane_does_not_ripple: 8,
+    case_09_a_chunk_border_is_not_felt: 9,
+    case_10_grazing_does_not_chatter: 10,
+    case_11_a_tool_inside_bone_pushes_only_once_it_was_free: 11,
+    case_12_a_spindle_that_starts_at_rest_cuts_its_own_shape: 12,
+    case_13_a_spindle_that_stops_stops_the_cut: 13,
     case_14_dropped_frames_hold_then_fade: 14,
     case_15_jitter_and_stalls_give_no_energy: 15,
     case_16_a_broken_sample_is_not_felt: 16,
+    case_20_layers_give_way_one_by_one: 20,
+    case_21_a_push_below_yield_stalls: 21,
+    case_22_feed_and_energy_follow_the_closed_form: 22,
+    case_23_no_speed_of_the_spindle_breaks_the_law: 23,
+    case_24_a_fast_burr_feeds_monotonely: 24,
+    case_25_a_wedged_peg_and_a_tilted_reamer_meet_their_bounds: 25,
+    case_26_walls_that_are_too_narrow_hold_still: 26,
     case_41_a_minute_at_the_limit_is_cooled: 41,
+    case_42_vibration_stays_outside_the_loop: 42,
 }
 
 #[test]
@@ -72,5 +88,25 @@ fn a_wall_without_a_servo_meets_the_delay_law() {
         let found = map::onset_n_per_m(&spec, Bench::with_wall);
         let law = map::delay_law_n_per_m(0.5, delay);
         assert!((found / law - 1.0).abs() < 0.08, "{delay}: {found} {law}");
+    }
+}
+
+#[test]
+fn a_push_removes_the_same_at_every_rate() {
+    for row in super::rate::rate_rows() {
+        assert!(
+            row.removed_mm3 > 10.0 && row.rel_to_1khz.abs() <= 0.02,
+            "{row:?}"
+        );
+    }
+}
+
+#[test]
+fn a_symmetric_plunge_has_no_side() {
+    for row in super::side::symmetry_rows() {
+        assert!(
+            row.lateral_over_axial <= 0.01 && row.centroid_off_axis_mm <= 0.01,
+            "{row:?}"
+        );
     }
 }

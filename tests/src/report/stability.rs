@@ -4,6 +4,7 @@
 
 mod ablation;
 mod impact;
+mod law;
 mod map;
 mod output;
 mod peers;
@@ -43,6 +44,8 @@ pub enum Part {
     Map,
     /// Taps, dropped frames, broken samples, energy
     Impact,
+    /// Feed, energy, rate and symmetry of a cut
+    Law,
     /// Ripple while sliding over oblique planes
     Ripple,
     /// Other programs' defects by their rule
@@ -54,10 +57,11 @@ pub enum Part {
 }
 
 impl Part {
-    const ALL: [Self; 7] = [
+    const ALL: [Self; 8] = [
         Self::Cases,
         Self::Map,
         Self::Impact,
+        Self::Law,
         Self::Ripple,
         Self::Peers,
         Self::Ablation,
@@ -69,6 +73,7 @@ impl Part {
             Self::Cases => "cases",
             Self::Map => "map",
             Self::Impact => "impact",
+            Self::Law => "law",
             Self::Ripple => "ripple",
             Self::Peers => "peers",
             Self::Ablation => "ablation",
@@ -81,6 +86,7 @@ impl Part {
             Self::Cases => cases(out),
             Self::Map => map::run(out),
             Self::Impact => impact::run(out),
+            Self::Law => law::run(out),
             Self::Ripple => ripple::run(out),
             Self::Peers => peers::run(out),
             Self::Ablation => ablation::run(out),
