@@ -76,6 +76,7 @@ pub struct Bone {
     bony: Vec<u64>,
     bony_lines: Vec<LineMasks>,
     mixed_lines: Vec<LineMasks>,
+    line_kinds: Vec<[u8; 2]>,
     density_hu: Aligned<i16>,
     solid: Aligned<i16>,
     class: Aligned<u8>,
@@ -94,6 +95,7 @@ impl Bone {
             bony: Vec::new(),
             bony_lines: Vec::new(),
             mixed_lines: Vec::new(),
+            line_kinds: Vec::new(),
             density_hu: Aligned::default(),
             solid: Aligned::default(),
             class: Aligned::default(),
@@ -111,6 +113,9 @@ impl Bone {
             if bony >> brick & 1 == 1 { u16::MAX } else { 0 }
         }));
         self.mixed_lines.push(mixed_lines(data));
+        let firsts = (0..CHUNK_VOXELS).step_by(LINE_VOXELS);
+        self.line_kinds
+            .extend(firsts.map(|at| [data.class[at], data.label[at]]));
         self.density_hu.extend(data.density_hu);
         self.solid.extend(data.solid);
         self.class.extend(data.class);
@@ -241,6 +246,12 @@ impl Bone {
     /// Lines whose voxels are not all of one tissue class and label.
     pub(crate) fn mixed_lines(&self, chunk: usize) -> &LineMasks {
         &self.mixed_lines[chunk]
+    }
+
+    /// Tissue class and label of each line's first voxel: of all its voxels where it is not mixed.
+    pub(crate) fn line_kinds(&self, chunk: usize) -> &[[u8; 2]] {
+        let lines = LINES_PER_BRICK * BRICKS_PER_CHUNK;
+        &self.line_kinds[chunk * lines..(chunk + 1) * lines]
     }
 
     /// The values of chunk `chunk`.

@@ -22,14 +22,14 @@ mod terms;
 pub use coupling::{Coupling, Saturating};
 pub use law::{Cutter, Resistance};
 pub use solve::{MAX_ITERATIONS, RESIDUAL_N, Solution};
-pub use terms::{Deed, Motion, Term, Terms};
+pub use terms::{Deed, MAX_TERMS, Motion, Term, Terms};
 
 use crate::bone::Bone;
 use crate::cut::Cut;
 use crate::feel::Feel;
 use crate::pose::Pose;
 use crate::sample::Sampler;
-use crate::tool::{MAX_ELEMENTS, Tool};
+use crate::tool::Tool;
 use glam::DMat3;
 
 /// Width of the regularised corner of the yield term, mm.
@@ -92,11 +92,11 @@ impl Contacts {
     pub fn new() -> Self {
         Self {
             terms: Terms::new(),
-            gripping: vec![false; MAX_ELEMENTS],
+            gripping: vec![false; MAX_TERMS],
             deepest_mm: f64::NEG_INFINITY,
             odometer_mm: 0.0,
             last: None,
-            sleeps_to_mm: vec![0.0; MAX_ELEMENTS],
+            sleeps_to_mm: vec![0.0; MAX_TERMS],
         }
     }
 
@@ -137,7 +137,7 @@ impl Contacts {
         self.last = Some(here);
     }
 
-    /// Reads the fields at every element of the tool (at most [`MAX_ELEMENTS`]) and keeps those that
+    /// Reads the fields at every element of the tool (at most [`MAX_TERMS`]) and keeps those that
     /// a step of half the smallest spacing could bring into contact. An element that is farther out than
     /// the tool has travelled since is not looked at: bone never comes nearer, and the slope of an
     /// interpolated distance is at most √3.
@@ -153,7 +153,7 @@ impl Contacts {
         let turning_radius = feel.coupling.turning_radius_mm;
         let turns = state.turns();
         let turn = DMat3::from_quat(state.bone_from_tool.rotation);
-        for (i, e) in state.tool.elements.iter().take(MAX_ELEMENTS).enumerate() {
+        for (i, e) in state.tool.elements.iter().take(MAX_TERMS).enumerate() {
             if self.odometer_mm < self.sleeps_to_mm[i] {
                 continue;
             }

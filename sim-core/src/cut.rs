@@ -1,17 +1,18 @@
 //! The cut field: signed distance to the union of all that the tools have swept.
 //!
-//! Lazily given to touched chunks out of a pool made at load, so that the servo thread allocates
-//! nothing. `cut = min(cut, sd_tool)`: idempotent, free of order, monotone within an epoch.
+//! Made at load, so that the servo thread allocates nothing; a brick is cleared when an epoch first
+//! touches it. `cut = min(cut, sd_tool)`: idempotent, free of order, monotone within an epoch.
 #![expect(
-    clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,
-    reason = "a pool has fewer than 2^32 chunks, a voxel index is below 4096"
+    reason = "there are fewer than 2^32 chunks, a voxel index is below 4096"
 )]
 
 use crate::aligned::Aligned;
 use crate::bone::{Bone, LineMasks, Occupancy};
+use crate::carve::Placed;
 use crate::grid::{
-    BRICK_VOXELS, BRICKS_PER_CHUNK, CHUNK, CHUNK_VOXELS, Grid, brick_origin, voxel_in_brick,
+    BRICK_VOXELS, BRICKS_PER_CHUNK, CHUNK, CHUNK_VOXELS, Grid, LINE_VOXELS, LINES_PER_BRICK,
+    brick_origin, voxel_in_brick,
 };
 use crate::tissue::TISSUES;
 use glam::DVec3;
@@ -22,7 +23,8 @@ pub const MAX_TOOLS: usize = 8;
 /// The value of an uncut voxel: at least one band away from all that was cut.
 pub const UNCUT: i16 = i16::MAX;
 
-const NO_SLOT: u32 = u32::MAX;
+/// A brick that nothing has touched.
+static UNTOUCHED: [i16; BRICK_VOXELS] = [UNCUT; BRICK_VOXELS];
 
 /// Removed volume in integer occupancy units ([`Occupancy`]), since the last reset.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -75,28 +77,74 @@ pub struct CutDigest {
 pub struct Cut {
     epoch: u32,
     revision: u64,
-    // chunk -> slot in the pool
-    slots: Vec<u32>,
-    used: usize,
+    // one bit a brick that this epoch has touched: the values of others are those of an earlier one
+    touched: Vec<u64>,
     // lines, and bricks of nothing else, whose every value is at its lowest: no more can change there
     emptied_lines: Vec<LineMasks>,
     emptied: Vec<u64>,
-    pool: Aligned<i16>,
+    // a stamp that lies in the values to its end, the last one
+    last_stamp: Option<Placed>,
+    values: Aligned<i16>,
     pub(crate) totals: Totals,
 }
 
+/// A chunk's cut for writing.
+pub(crate) struct OpenChunk<'a> {
+    values: &'a mut [i16],
+    touched: &'a mut u64,
+    emptied: &'a mut u64,
+    emptied_lines: &'a mut LineMasks,
+}
+
+impl<'a> OpenChunk<'a> {
+    /// The values of a brick; clears it where this epoch has not touched it.
+    pub(crate) fn brick(&mut self, brick: usize) -> &mut [i16] {
+        let values = &mut self.values[brick * BRICK_VOXELS..(brick + 1) * BRICK_VOXELS];
+        if *self.touched >> brick & 1 == 0 {
+            values.fill(UNCUT);
+            *self.touched |= 1 << brick;
+        }
+        values
+    }
+
+    /// The same by lines.
+    pub(crate) fn lines(&mut self, brick: usize) -> &mut [[i16; LINE_VOXELS]; LINES_PER_BRICK] {
+        let lines: &mut [[i16; LINE_VOXELS]] = self.brick(brick).as_chunks_mut().0;
+        &mut lines.as_chunks_mut().0[0]
+    }
+
+    /// Lines whose every value is at its lowest.
+    pub(crate) fn emptied_lines(&self, brick: usize) -> u16 {
+        self.emptied_lines[brick]
+    }
+
+    fn into_brick(mut self, brick: usize) -> &'a mut [i16] {
+        self.brick(brick);
+        &mut self.values[brick * BRICK_VOXELS..(brick + 1) * BRICK_VOXELS]
+    }
+
+    /// Says that lines are at their lowest; `bony` are those of the brick that matter.
+    pub(crate) fn add_emptied(&mut self, brick: usize, lines: u16, bony: u16) {
+        let all = self.emptied_lines[brick] | lines;
+        self.emptied_lines[brick] = all;
+        if bony & !all == 0 {
+            *self.emptied |= 1 << brick;
+        }
+    }
+}
+
 impl Cut {
-    /// An uncut field for `bone`. Allocates and writes the whole pool, so that no page fault is
-    /// left for later.
+    /// An uncut field for `bone`. Allocates and writes all values, so that no page fault is left for
+    /// later.
     pub fn new(bone: &Bone) -> Self {
         Self {
             epoch: 0,
             revision: 0,
-            slots: vec![NO_SLOT; bone.chunk_count()],
-            used: 0,
+            touched: vec![0; bone.chunk_count()],
             emptied_lines: vec![[0; BRICKS_PER_CHUNK]; bone.chunk_count()],
             emptied: vec![0; bone.chunk_count()],
-            pool: Aligned::filled(UNCUT, bone.chunk_count() * CHUNK_VOXELS),
+            last_stamp: None,
+            values: Aligned::filled(UNCUT, bone.chunk_count() * CHUNK_VOXELS),
             totals: Totals::zero(),
         }
     }
@@ -126,15 +174,15 @@ impl Cut {
         Occupancy::new(grid).mm3(grid, units)
     }
 
-    /// Back to the uncut bone under a new epoch. Constant work per chunk of the bone (140 bytes);
-    /// slots are refilled when they are next given out.
+    /// Back to the uncut bone under a new epoch. Constant work per chunk of the bone (144 bytes);
+    /// bricks are cleared when they are next touched.
     pub fn reset(&mut self, epoch: u32) {
         self.epoch = epoch;
         self.revision = 0;
-        self.slots.fill(NO_SLOT);
+        self.touched.fill(0);
+        self.last_stamp = None;
         self.emptied.fill(0);
         self.emptied_lines.fill([0; BRICKS_PER_CHUNK]);
-        self.used = 0;
         self.totals.clear();
     }
 
@@ -148,74 +196,79 @@ impl Cut {
         self.emptied_lines[chunk][brick]
     }
 
-    /// Says that lines are at their lowest; `bony` are those of the brick that matter.
-    pub(crate) fn add_emptied(&mut self, (chunk, brick): (usize, usize), lines: u16, bony: u16) {
-        let all = self.emptied_lines[chunk][brick] | lines;
-        self.emptied_lines[chunk][brick] = all;
-        if bony & !all == 0 {
-            self.emptied[chunk] |= 1 << brick;
-        }
+    /// The last stamp of a tool of faces, if it is whole: no value lies above its distance.
+    pub(crate) fn last_stamp(&self) -> Option<Placed> {
+        self.last_stamp
+    }
+
+    /// Says that a stamp is whole.
+    pub(crate) fn set_last_stamp(&mut self, placed: &Placed) {
+        self.last_stamp = Some(*placed);
     }
 
     /// The cut values of a chunk, brick-major; `None` where nothing was cut.
-    pub fn chunk(&self, chunk: usize) -> Option<&[i16]> {
-        let slot = self.slots[chunk];
-        (slot != NO_SLOT).then(|| {
-            let base = slot as usize * CHUNK_VOXELS;
-            &self.pool[base..base + CHUNK_VOXELS]
+    pub fn chunk(&self, chunk: usize) -> Option<impl Iterator<Item = i16>> {
+        (self.touched[chunk] != 0).then(|| {
+            let bricks = (0..BRICKS_PER_CHUNK).map(move |brick| self.values_of(chunk, brick));
+            bricks.flatten().copied()
         })
+    }
+
+    /// The stored values of a chunk and the bricks (one bit each) that count; the others are
+    /// [`UNCUT`].
+    pub(crate) fn stored(&self, chunk: usize) -> (u64, &[i16]) {
+        let values = &self.values[chunk * CHUNK_VOXELS..(chunk + 1) * CHUNK_VOXELS];
+        (self.touched[chunk], values)
     }
 
     /// The 512 cut values of a brick; `None` where nothing of its chunk was cut.
     pub fn brick(&self, chunk: usize, brick: usize) -> Option<&[i16]> {
-        let values = self.chunk(chunk)?;
-        Some(&values[brick * BRICK_VOXELS..(brick + 1) * BRICK_VOXELS])
+        (self.touched[chunk] != 0).then(|| self.values_of(chunk, brick))
+    }
+
+    fn values_of(&self, chunk: usize, brick: usize) -> &[i16] {
+        if self.touched[chunk] >> brick & 1 == 0 {
+            return &UNTOUCHED;
+        }
+        let base = chunk * CHUNK_VOXELS + brick * BRICK_VOXELS;
+        &self.values[base..base + BRICK_VOXELS]
     }
 
     /// Cut value of one voxel, in units of [`Grid::quantum_mm`].
     pub fn value(&self, chunk: usize, voxel: usize) -> i16 {
-        match self.slots[chunk] {
-            NO_SLOT => UNCUT,
-            slot => self.pool[slot as usize * CHUNK_VOXELS + voxel],
+        if self.touched[chunk] >> (voxel / BRICK_VOXELS) & 1 == 0 {
+            return UNCUT;
         }
+        self.values[chunk * CHUNK_VOXELS + voxel]
     }
 
-    /// The values of a brick for writing; gives the chunk a slot if it has none. One 64 KiB fill
-    /// at most. Never runs out: the pool has a slot for every chunk.
+    /// The values of a brick for writing; clears it where this epoch has not touched it: 1 KiB.
     pub(crate) fn brick_mut(&mut self, chunk: usize, brick: usize) -> &mut [i16] {
-        let base = self.slot_base(chunk) + brick * BRICK_VOXELS;
-        &mut self.pool[base..base + BRICK_VOXELS]
+        self.open(chunk).0.into_brick(brick)
     }
 
-    /// [`Self::brick_mut`] together with the account.
-    pub(crate) fn brick_and_totals(
-        &mut self,
-        chunk: usize,
-        brick: usize,
-    ) -> (&mut [i16], &mut Totals) {
-        let base = self.slot_base(chunk) + brick * BRICK_VOXELS;
-        (&mut self.pool[base..base + BRICK_VOXELS], &mut self.totals)
-    }
-
-    /// First value of a chunk's slot; gives it one if it has none.
-    fn slot_base(&mut self, chunk: usize) -> usize {
-        if self.slots[chunk] == NO_SLOT {
-            let base = self.used * CHUNK_VOXELS;
-            self.pool[base..base + CHUNK_VOXELS].fill(UNCUT);
-            self.slots[chunk] = self.used as u32;
-            self.used += 1;
-        }
-        self.slots[chunk] as usize * CHUNK_VOXELS
+    /// A chunk for writing, and the account.
+    pub(crate) fn open(&mut self, chunk: usize) -> (OpenChunk<'_>, &mut Totals) {
+        let base = chunk * CHUNK_VOXELS;
+        let open = OpenChunk {
+            values: &mut self.values[base..base + CHUNK_VOXELS],
+            touched: &mut self.touched[chunk],
+            emptied: &mut self.emptied[chunk],
+            emptied_lines: &mut self.emptied_lines[chunk],
+        };
+        (open, &mut self.totals)
     }
 
     /// Replaces a brick's values, as a viewer's mirror does on an update. `values` must have 512
     /// entries and `chunk`, `brick` must exist; otherwise nothing happens and `false` is returned.
     pub fn set_brick(&mut self, chunk: usize, brick: usize, values: &[i16]) -> bool {
-        if chunk >= self.slots.len() || brick >= BRICKS_PER_CHUNK || values.len() != BRICK_VOXELS {
+        if chunk >= self.touched.len() || brick >= BRICKS_PER_CHUNK || values.len() != BRICK_VOXELS
+        {
             return false;
         }
         self.brick_mut(chunk, brick).copy_from_slice(values);
-        // values may have risen: nothing is known to be at its lowest
+        // values may have risen: nothing is known to be at its lowest, or below a stamp
+        self.last_stamp = None;
         self.emptied_lines[chunk][brick] = 0;
         self.emptied[chunk] &= !(1 << brick);
         true
@@ -232,7 +285,7 @@ impl Cut {
         all.update(&self.epoch.to_le_bytes());
         all.update(&self.revision.to_le_bytes());
         let mut changed_chunks = 0;
-        for chunk in 0..self.slots.len() {
+        for chunk in 0..self.touched.len() {
             let Some(hash) = self.chunk_hash(chunk) else {
                 continue;
             };
@@ -253,14 +306,13 @@ impl Cut {
     /// XXH3 of a chunk's cut values (little endian); `None` where no value is cut.
     pub fn chunk_hash(&self, chunk: usize) -> Option<u64> {
         let values = self.chunk(chunk)?;
-        if values.iter().all(|&v| v == UNCUT) {
-            return None;
-        }
         let mut bytes = Vec::with_capacity(2 * CHUNK_VOXELS);
+        let mut cut = false;
         for v in values {
+            cut |= v != UNCUT;
             bytes.extend_from_slice(&v.to_le_bytes());
         }
-        Some(xxh3_64(&bytes))
+        cut.then(|| xxh3_64(&bytes))
     }
 
     /// Centroid of all that was removed, bone frame, mm; `None` where nothing was. Reads every touched
@@ -269,13 +321,13 @@ impl Cut {
         let occupancy = Occupancy::new(bone.grid());
         let mut units = 0i64;
         let mut moment = [0i64; 3];
-        for chunk in 0..self.slots.len() {
+        for chunk in 0..self.touched.len() {
             let Some(values) = self.chunk(chunk) else {
                 continue;
             };
             let solid = bone.chunk(chunk).solid;
             let first = bone.chunk_coord(chunk).map(|c| usize::from(c) * CHUNK);
-            for (voxel, (&cut, &solid)) in values.iter().zip(solid).enumerate() {
+            for (voxel, (cut, &solid)) in values.zip(solid).enumerate() {
                 let gone = occupancy.units(solid) - occupancy.units(solid.min(cut));
                 if gone != 0 {
                     let brick = brick_origin(voxel / BRICK_VOXELS);

@@ -58,6 +58,8 @@ pub struct Reaction {
     pub torque_nmm: DVec3,
     /// Whether the coupling is saturated.
     pub saturated: bool,
+    /// What the coupling in place stores, mJ at the stylus.
+    pub stored_mj: f64,
     /// Work of the hand on the bone in this tick, mJ at the stylus; never negative.
     pub hand_mj: f64,
     /// Work of the spindle in this tick, mJ at a real tool.
@@ -88,6 +90,7 @@ impl Reaction {
         force_n: DVec3::ZERO,
         torque_nmm: DVec3::ZERO,
         saturated: false,
+        stored_mj: 0.0,
         hand_mj: 0.0,
         spindle_mj: 0.0,
         spindle_nmm: 0.0,
@@ -171,7 +174,7 @@ impl Proxy {
     }
 
     /// Follows the hand for one tick: at most [`MAX_SUBSTEPS`] steps, each of at most
-    /// [`crate::tool::MAX_ELEMENTS`] elements and [`crate::contact::MAX_ITERATIONS`] iterations.
+    /// [`crate::contact::MAX_TERMS`] elements and [`crate::contact::MAX_ITERATIONS`] iterations.
     pub fn follow(&mut self, bone_from_device: &Pose, around: &mut Surroundings<'_>) -> Reaction {
         let mut reaction = Reaction::NONE;
         let mut time_s = around.feel.tick_s;
@@ -189,6 +192,8 @@ impl Proxy {
         reaction.force_n = -spring.pull(apart.shift);
         reaction.torque_nmm = -spring.pull(apart.turn) * radius;
         reaction.saturated = apart.shift.length() * spring.stiffness > spring.limit;
+        // the hand has gone 1/scale of the way in the bone
+        reaction.stored_mj = spring.energy(apart.shift.length()) / feel.motion_scale;
         reaction.touching = !self.contacts.is_free();
         if around.omega_rad_s > 0.0 {
             reaction.spindle_nmm += reaction.spindle_mj / (around.omega_rad_s * feel.tick_s);

@@ -2,7 +2,7 @@
 
 use crate::bone::Bone;
 use crate::cut::{Cut, UNCUT};
-use crate::grid::{CHUNK, CHUNK_VOXELS, voxel_in_chunk};
+use crate::grid::{BRICK_VOXELS, CHUNK, CHUNK_VOXELS, voxel_in_chunk};
 use glam::{DVec3, Vec3};
 
 /// Both distance fields at a point, each interpolated separately.
@@ -154,10 +154,8 @@ impl<'a> Sampler<'a> {
     #[inline]
     fn distances(&self, corner: [u32; 3]) -> [[f32; 8]; 2] {
         if let Some(cell) = self.inner(corner) {
-            let cut = match self.cut.chunk(cell.chunk) {
-                Some(values) => cell.read(values),
-                None => [NO_CUT; 8],
-            };
+            let (touched, values) = self.cut.stored(cell.chunk);
+            let cut = cell.read_touched(touched, values);
             return [cell.read(self.bone.solid(cell.chunk)), cut];
         }
         let places = self.scattered(corner);
@@ -248,6 +246,23 @@ impl Inner {
     fn offset(&self, corner: usize) -> usize {
         let [dx, dy, dz] = self.step;
         self.base + (corner & 1) * dx + ((corner >> 1) & 1) * dy + (corner >> 2) * dz
+    }
+
+    /// The same of bricks that may not be touched.
+    #[inline]
+    fn read_touched(&self, touched: u64, values: &[i16]) -> [f32; 8] {
+        let Some(values) = values.first_chunk::<CHUNK_VOXELS>() else {
+            return [NO_CUT; 8];
+        };
+        if touched == 0 {
+            return [NO_CUT; 8];
+        }
+        let v = |c: usize| {
+            let at = self.offset(c) % CHUNK_VOXELS;
+            let counts = touched >> (at / BRICK_VOXELS) & 1 != 0;
+            f32::from(if counts { values[at] } else { UNCUT })
+        };
+        [v(0), v(1), v(2), v(3), v(4), v(5), v(6), v(7)]
     }
 
     #[inline]

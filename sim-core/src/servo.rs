@@ -290,7 +290,7 @@ impl Servo {
             if !idle {
                 self.check_embedded = false;
                 self.embedded = false;
-                self.chain.passivity.fade();
+                self.chain.passivity.settle(0.0);
             }
             return Reaction::NONE;
         }
@@ -338,11 +338,7 @@ impl Servo {
                 counts.note(guard);
             }
         }
-        if reaction.touching {
-            self.chain.passivity.consume(reaction.hand_mj);
-        } else {
-            self.chain.passivity.fade();
-        }
+        self.chain.passivity.settle(reaction.stored_mj);
     }
 
     /// Broad phase: could the tool, anywhere between proxy and device, touch the bone's box?

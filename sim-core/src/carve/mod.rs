@@ -17,7 +17,9 @@ mod patterns;
 mod pencil;
 mod placed;
 mod sampled;
+mod since;
 mod stamp;
+mod write;
 
 use crate::bone::Bone;
 use crate::broad::{ChunkRange, Obb, chunk_range};
@@ -25,8 +27,9 @@ use crate::cut::{Cut, MAX_TOOLS};
 pub use crate::lanes::Isa;
 use crate::pose::Pose;
 use crate::tool::{Shape, Tool};
-use placed::Placed;
+pub(crate) use placed::Placed;
 use sampled::Sampled;
+use since::Since;
 use stamp::Stamp;
 
 /// Most poses at which one step is stamped.
@@ -205,11 +208,23 @@ impl Carving {
             Shape::Grid(samples) => (None, Some(Sampled::new(grid, samples, bone_from_tool))),
         };
         let placed = Placed::new(grid, solid, bone_from_tool, self.model.curvature);
+        let last = work.cut.last_stamp();
+        if solid.is_some() && last == Some(placed) {
+            return true;
+        }
+        let corners = {
+            let units = 1.0 / f64::from(grid.quantum_mm());
+            (lo * units, hi * units)
+        };
+        let since = last
+            .as_ref()
+            .and_then(|last| Since::new(last, &placed, corners));
         let mut stamp = Stamp {
             bone: work.bone,
             cut: &mut *work.cut,
             changed: &mut *work.changed,
             placed: &placed,
+            since,
             sampled,
             tool: tool_index,
             account: self.model.account,
@@ -221,6 +236,9 @@ impl Carving {
                 return false;
             }
             progress.chunks = stamp.run(self.isa, &range, progress.chunks);
+        }
+        if solid.is_some() {
+            work.cut.set_last_stamp(&placed);
         }
         true
     }

@@ -39,11 +39,13 @@ pub(super) fn root<L: Lanes>(l: L, q: L::F) -> L::F {
     l.sqrt(l.max(q, l.splat(0.0)))
 }
 
-/// A square distance as a function of δ.
+/// A square distance as a function of δ, or a multiple of it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Square {
-    base: f32,
+    pub base: f32,
     pub twice: [f32; 3],
+    /// How much of |δ|²: 1 where it is a square distance.
+    pub share: f32,
 }
 
 impl Square {
@@ -51,25 +53,63 @@ impl Square {
     pub(super) const ZERO: Self = Self {
         base: 0.0,
         twice: [0.0; 3],
+        share: 1.0,
     };
 
     /// About a point that lies −`w` from the base.
+    #[inline(always)]
     pub(super) fn new(w: DVec3) -> Self {
         Self {
             base: w.length_squared() as f32,
             twice: (2.0 * w).as_vec3().to_array(),
+            share: 1.0,
         }
     }
 
-    /// The same for points that begin at `o`: |w|² + ((2w.x o.x + 2w.y o.y) + (2w.z o.z + |o|²)).
+    /// (q − R²)/2R, q being the square distance to that point.
+    #[inline(always)]
+    pub(super) fn less(w: DVec3, radius: f64) -> Self {
+        let share = 0.5 / radius;
+        Self {
+            base: ((w.length_squared() - radius * radius) * share) as f32,
+            twice: (2.0 * share * w).as_vec3().to_array(),
+            share: share as f32,
+        }
+    }
+
+    /// The same for points that begin at `o`: base + ((t.x o.x + t.y o.y) + (t.z o.z + s |o|²)),
+    /// t = twice, s = share.
     #[inline(always)]
     pub(super) fn moved(self, o: [f32; 3]) -> Self {
         let t = self.twice;
-        let o2 = (o[0] * o[0] + o[1] * o[1]) + o[2] * o[2];
+        let o2 = self.share * ((o[0] * o[0] + o[1] * o[1]) + o[2] * o[2]);
+        let s = 2.0 * self.share;
         Self {
             base: self.base + ((t[0] * o[0] + t[1] * o[1]) + (t[2] * o[2] + o2)),
-            twice: [t[0] + 2.0 * o[0], t[1] + 2.0 * o[1], t[2] + 2.0 * o[2]],
+            twice: [t[0] + s * o[0], t[1] + s * o[1], t[2] + s * o[2]],
+            share: self.share,
         }
+    }
+
+    /// Its gradient, by axis.
+    #[inline(always)]
+    pub(super) fn gradient<L: Lanes>(&self, l: L, p: &Points<L::F>) -> [L::F; 3] {
+        let s = l.splat(2.0 * self.share);
+        [
+            l.add(l.splat(self.twice[0]), l.mul(s, p.x)),
+            l.add(l.splat(self.twice[1]), l.mul(s, p.y)),
+            l.add(l.splat(self.twice[2]), l.mul(s, p.z)),
+        ]
+    }
+
+    /// From the point that it is about to the points, by axis.
+    #[inline(always)]
+    pub(super) fn off_centre<L: Lanes>(&self, l: L, p: &Points<L::F>) -> [L::F; 3] {
+        [
+            l.add(l.splat(0.5 * self.twice[0]), p.x),
+            l.add(l.splat(0.5 * self.twice[1]), p.y),
+            l.add(l.splat(0.5 * self.twice[2]), p.z),
+        ]
     }
 
     /// The part that does not depend on δ.z.
@@ -77,19 +117,27 @@ impl Square {
     pub(super) fn flat<L: Lanes>(self, l: L, p: &Points<L::F>) -> L::F {
         let x = l.add(l.splat(self.base), l.mul(l.splat(self.twice[0]), p.x));
         let y = l.add(x, l.mul(l.splat(self.twice[1]), p.y));
-        l.add(y, p.xy2)
+        l.add(y, l.mul(l.splat(self.share), p.xy2))
     }
 
     /// The part that does, for points at different heights.
     #[inline(always)]
     pub(super) fn rises<L: Lanes>(self, l: L, p: &Points<L::F>) -> L::F {
-        l.add(l.mul(l.splat(self.twice[2]), p.z), p.z2)
+        let z2 = l.mul(l.splat(self.share), p.z2);
+        l.add(l.mul(l.splat(self.twice[2]), p.z), z2)
+    }
+
+    /// The same for the layers of a brick, at their heights (and the squares of these).
+    #[inline(always)]
+    pub(super) fn steps<L: Lanes>(self, l: L, [z, z2]: &[L::F; 2]) -> [f32; 16] {
+        let square = l.mul(l.splat(self.share), *z2);
+        l.store(l.add(l.mul(l.splat(self.twice[2]), *z), square))
     }
 
     /// The same for points at one height.
     #[inline(always)]
     pub(super) fn rise(self, z: f32) -> f32 {
-        self.twice[2] * z + z * z
+        self.twice[2] * z + self.share * (z * z)
     }
 }
 
@@ -98,13 +146,23 @@ impl Square {
 pub(super) struct NodeFace {
     pub kind: Kind,
     pub part: u8,
-    /// Plane: sign. Cone: nᵣ. Ring: radius of the disc.
+    /// Plane: sign. Cone: nᵣ. Ring: radius of the disc. Wide: m/2R.
     pub a: f32,
-    /// Cone: n₂. Ring: z of the centre.
+    /// Cone: n₂. Ring: z of the centre. Wide: 1/2R².
     pub b: f32,
     /// Plane, cone: offset. Ball, ring: radius.
     pub c: f32,
-    /// Ball: square distance to the centre.
+    /// Ball: square distance to the centre. Wide: e of the ball; of the cylinder, that of its foot.
+    pub square: Square,
+}
+
+/// The axis as a node sees it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Frame {
+    pub axis: [f32; 3],
+    /// z of the base, from the foot.
+    pub z0: f32,
+    /// Square distance to the foot.
     pub square: Square,
 }
 
@@ -113,11 +171,7 @@ pub(super) struct NodeFace {
 pub(super) struct Node {
     pub faces: [NodeFace; MAX_FLAT],
     pub count: usize,
-    /// z of the base, from the foot.
-    pub z0: f32,
-    pub axis: [f32; 3],
-    /// Square distance to the foot.
-    pub square: Square,
+    pub frame: Frame,
     /// Whether a face needs r.
     pub needs_r: bool,
 }
@@ -132,7 +186,7 @@ impl NodeFace {
         square: Square::ZERO,
     };
 
-    /// Signed distance at points (r, z); a ball's is read from the square distance `q` to its centre.
+    /// Signed distance at points (r, z); a ball's or a wide face's is read from its own square `q`.
     #[inline(always)]
     pub(super) fn distance<L: Lanes>(&self, l: L, (r, z): (L::F, L::F), q: L::F) -> L::F {
         let (a, b, c) = (l.splat(self.a), l.splat(self.b), l.splat(self.c));
@@ -140,6 +194,8 @@ impl NodeFace {
             Kind::Plane => l.sub(l.mul(a, z), c),
             Kind::Cone => self.cone(l, (r, z)),
             Kind::Ball => l.sub(root(l, q), c),
+            Kind::WideBall => self.wide(l, q),
+            Kind::WideCylinder => self.tube(l, q, z),
             Kind::Ring => {
                 let beyond = l.max(l.sub(r, a), l.splat(0.0));
                 let dz = l.sub(z, b);
@@ -151,11 +207,99 @@ impl NodeFace {
 }
 
 impl NodeFace {
+    /// Signed distance to a wide face: e (1 − e (m/2R − e/2R²)).
+    #[inline(always)]
+    pub(super) fn wide<L: Lanes>(&self, l: L, e: L::F) -> L::F {
+        let bend = l.sub(l.splat(self.a), l.mul(l.splat(self.b), e));
+        l.mul(e, l.sub(l.splat(1.0), l.mul(e, bend)))
+    }
+
+    /// e of a wide cylinder at heights z, from that of its foot.
+    #[inline(always)]
+    pub(super) fn across<L: Lanes>(&self, l: L, foot: L::F, z: L::F) -> L::F {
+        l.sub(foot, l.mul(l.mul(l.splat(self.square.share), z), z))
+    }
+
+    /// Signed distance to a wide cylinder.
+    #[inline(always)]
+    pub(super) fn tube<L: Lanes>(&self, l: L, foot: L::F, z: L::F) -> L::F {
+        self.wide(l, self.across(l, foot, z))
+    }
+
     /// Signed distance to a cone or cylinder.
     #[inline(always)]
     pub(super) fn cone<L: Lanes>(&self, l: L, (r, z): (L::F, L::F)) -> L::F {
         let slant = l.add(l.mul(l.splat(self.a), r), l.mul(l.splat(self.b), z));
         l.sub(slant, l.splat(self.c))
+    }
+}
+
+impl Frame {
+    /// The same for points that begin at `o`.
+    #[inline(always)]
+    pub(super) fn moved(&self, o: [f32; 3]) -> Self {
+        Self {
+            axis: self.axis,
+            z0: self.height(o),
+            square: self.square.moved(o),
+        }
+    }
+
+    /// z of the point `o`.
+    #[inline(always)]
+    pub(super) fn height(&self, o: [f32; 3]) -> f32 {
+        let a = self.axis;
+        self.z0 + ((a[0] * o[0] + a[1] * o[1]) + a[2] * o[2])
+    }
+
+    /// z of points, less what δ.z adds.
+    #[inline(always)]
+    pub(super) fn heights<L: Lanes>(&self, l: L, p: &Points<L::F>) -> L::F {
+        let x = l.add(l.splat(self.z0), l.mul(l.splat(self.axis[0]), p.x));
+        l.add(x, l.mul(l.splat(self.axis[1]), p.y))
+    }
+
+    /// z of points.
+    #[inline(always)]
+    pub(super) fn z<L: Lanes>(&self, l: L, p: &Points<L::F>) -> L::F {
+        let flat = self.heights(l, p);
+        l.add(flat, l.mul(l.splat(self.axis[2]), p.z))
+    }
+
+    /// r of points at heights z.
+    #[inline(always)]
+    pub(super) fn r<L: Lanes>(&self, l: L, p: &Points<L::F>, z: L::F) -> L::F {
+        let q = l.add(self.square.flat(l, p), self.square.rises(l, p));
+        root(l, l.sub(q, l.mul(z, z)))
+    }
+
+    /// From the axis to points at heights z, square to it: w − z a.
+    #[inline(always)]
+    pub(super) fn across<L: Lanes>(&self, l: L, p: &Points<L::F>, z: L::F) -> [L::F; 3] {
+        let w = self.square.off_centre(l, p);
+        [
+            l.sub(w[0], l.mul(z, l.splat(self.axis[0]))),
+            l.sub(w[1], l.mul(z, l.splat(self.axis[1]))),
+            l.sub(w[2], l.mul(z, l.splat(self.axis[2]))),
+        ]
+    }
+
+    /// The gradient of a wide cylinder's e, of which `square` is that of its foot, at points at heights z.
+    #[inline(always)]
+    pub(super) fn steepness<L: Lanes>(
+        &self,
+        l: L,
+        square: &Square,
+        p: &Points<L::F>,
+        z: L::F,
+    ) -> [L::F; 3] {
+        let [x, y, height] = square.gradient(l, p);
+        let z = l.mul(l.splat(2.0 * square.share), z);
+        [
+            l.sub(x, l.mul(z, l.splat(self.axis[0]))),
+            l.sub(y, l.mul(z, l.splat(self.axis[1]))),
+            l.sub(height, l.mul(z, l.splat(self.axis[2]))),
+        ]
     }
 }
 
@@ -165,9 +309,11 @@ impl Node {
         Self {
             faces: [NodeFace::NONE; MAX_FLAT],
             count: 0,
-            z0: 0.0,
-            axis: [0.0; 3],
-            square: Square::ZERO,
+            frame: Frame {
+                axis: [0.0; 3],
+                z0: 0.0,
+                square: Square::ZERO,
+            },
             needs_r: false,
         }
     }
@@ -175,12 +321,9 @@ impl Node {
     /// Becomes the brick whose first voxel lies at `o` in the chunk's node, with the faces in `active`
     /// (one bit each).
     #[inline(always)]
-    pub(super) fn enter(&mut self, chunk: &Self, o: [f32; 3], active: u32) {
-        let a = chunk.axis;
+    pub(super) fn enter(&mut self, chunk: &Self, o: [f32; 3], active: u16) {
         self.count = 0;
-        self.z0 = chunk.z0 + ((a[0] * o[0] + a[1] * o[1]) + a[2] * o[2]);
-        self.axis = a;
-        self.square = chunk.square.moved(o);
+        self.frame = chunk.frame.moved(o);
         self.needs_r = false;
         let mut active = active;
         while active != 0 {
@@ -188,7 +331,7 @@ impl Node {
             active &= active - 1;
             let own = &mut self.faces[self.count % MAX_FLAT];
             *own = *face;
-            if face.kind == Kind::Ball {
+            if face.kind.has_square() {
                 own.square = face.square.moved(o);
             }
             self.needs_r |= matches!(face.kind, Kind::Cone | Kind::Ring);
@@ -205,32 +348,27 @@ impl Node {
     /// (r, z) of 16 points; r only where a face needs it.
     #[inline(always)]
     pub(super) fn polar<L: Lanes>(&self, l: L, p: &Points<L::F>) -> (L::F, L::F) {
-        let x = l.add(l.splat(self.z0), l.mul(l.splat(self.axis[0]), p.x));
-        let y = l.add(x, l.mul(l.splat(self.axis[1]), p.y));
-        let z = l.add(y, l.mul(l.splat(self.axis[2]), p.z));
+        let z = self.frame.z(l, p);
         if !self.needs_r {
             return (z, z);
         }
-        let q = l.add(self.square.flat(l, p), self.square.rises(l, p));
-        (root(l, l.sub(q, l.mul(z, z))), z)
+        (self.frame.r(l, p, z), z)
     }
 
     /// The parts of z and of the square distance to the foot that do not depend on δ.z.
     #[inline(always)]
     pub(super) fn flat<L: Lanes>(&self, l: L, p: &Points<L::F>) -> [L::F; 2] {
-        let x = l.add(l.splat(self.z0), l.mul(l.splat(self.axis[0]), p.x));
-        let z = l.add(x, l.mul(l.splat(self.axis[1]), p.y));
-        [z, self.square.flat(l, p)]
+        [self.frame.heights(l, p), self.frame.square.flat(l, p)]
     }
 
     /// (r, z) at `height` above the points of [`Self::flat`]; r only where a face needs it.
     #[inline(always)]
     pub(super) fn rise<L: Lanes>(&self, l: L, [z, q]: [L::F; 2], height: f32) -> (L::F, L::F) {
-        let z = l.add(z, l.splat(self.axis[2] * height));
+        let z = l.add(z, l.splat(self.frame.axis[2] * height));
         if !self.needs_r {
             return (z, z);
         }
-        let q = l.add(q, l.splat(self.square.rise(height)));
+        let q = l.add(q, l.splat(self.frame.square.rise(height)));
         (root(l, l.sub(q, l.mul(z, z))), z)
     }
 }

@@ -2,7 +2,7 @@
 #![expect(clippy::inline_always, reason = "lanes must melt into the job")]
 
 use super::node::Points;
-use crate::grid::line_origin;
+use crate::grid::{BRICK, line_origin};
 use crate::lanes::Lanes;
 
 /// The 16 voxels of the first layer of line `place` (0 to 3), from the brick's first voxel.
@@ -14,6 +14,17 @@ pub(super) fn layer<L: Lanes>(l: L, h: [f32; 3], place: usize) -> Points<L::F> {
         y[n] = h[1] * (4 * (place >> 1) + (n >> 2)) as f32;
     }
     Points::new(l, [l.load(&x), l.load(&y), l.splat(0.0)])
+}
+
+/// Heights of a brick's 8 layers above its first voxel, and their squares.
+#[inline(always)]
+pub(super) fn heights<L: Lanes>(l: L, rise: f32) -> [L::F; 2] {
+    let mut z = [0.0; 16];
+    for (n, z) in z.iter_mut().enumerate().take(BRICK) {
+        *z = rise * n as f32;
+    }
+    let z = l.load(&z);
+    [z, l.mul(z, z)]
 }
 
 /// The middles of 16 bricks of a chunk, from the chunk's middle (15.5 voxels from its first; a brick's

@@ -2,67 +2,84 @@
 #![expect(clippy::inline_always, reason = "lanes must melt into the job")]
 
 use super::ledger::Ledger;
-use crate::bone::{Bone, ChunkData};
-use crate::cut::{Cut, Totals};
-use crate::grid::{BRICK_VOXELS, LINE_VOXELS, LINES_PER_BRICK};
+use crate::bone::Bone;
+use crate::cut::Totals;
+use crate::grid::{BRICKS_PER_CHUNK, LINE_VOXELS, LINES_PER_BRICK};
 use crate::lanes::Lanes;
 
 /// The stored values of a line.
 type Line = [i16; LINE_VOXELS];
+/// The stored values of a brick.
+pub(super) type Lines = [Line; LINES_PER_BRICK];
 /// Room for what each line of a brick loses, units.
 pub(super) type Losses<L> = [<L as Lanes>::I; LINES_PER_BRICK];
+
+/// What the bone holds in one chunk, by lines.
+#[derive(Clone, Copy)]
+pub(super) struct Ground<'a> {
+    solid: &'a [Lines],
+    class: &'a [[u8; LINE_VOXELS]],
+    label: &'a [[u8; LINE_VOXELS]],
+    // class and label of the lines that have one of each, and which of a brick have not
+    kinds: &'a [[u8; 2]],
+    mixed: &'a [u16; BRICKS_PER_CHUNK],
+}
+
+impl<'a> Ground<'a> {
+    /// Of chunk `chunk`.
+    pub(super) fn new(bone: &'a Bone, chunk: usize) -> Self {
+        let data = bone.chunk(chunk);
+        Self {
+            solid: data.solid.as_chunks().0.as_chunks().0,
+            class: data.class.as_chunks().0,
+            label: data.label.as_chunks().0,
+            kinds: bone.line_kinds(chunk),
+            mixed: bone.mixed_lines(chunk),
+        }
+    }
+}
 
 /// Writes lines of one brick.
 pub(super) struct Pencil<'a, L: Lanes> {
     l: L,
-    values: &'a mut [Line],
-    totals: &'a mut Totals,
-    data: ChunkData<'a>,
-    solid: &'a [Line],
-    // first voxel of the brick in its chunk's arrays
-    base: usize,
-    mixed: u16,
-    // half the occupancy's; none for no account
-    window: Option<i16>,
-    // lines with a changed value, with a changed volume, and with every value at its lowest
-    changed: u16,
+    values: &'a mut Lines,
+    solid: &'a Lines,
+    // half the occupancy's window, and its negative
+    window: [L::I; 2],
+    losses: &'a mut Losses<L>,
+    // where values changed, lines with a changed volume, and lines with every value at its lowest
+    changed: L::I,
     losing: u16,
     lowest: u16,
-    losses: &'a mut Losses<L>,
 }
 
 impl<'a, L: Lanes> Pencil<'a, L> {
-    /// For brick `brick` of chunk `chunk`.
+    /// For brick `brick` of the ground's chunk, whose cut values are `values`; `window` is half the
+    /// occupancy's.
     #[inline(always)]
     pub(super) fn new(
         l: L,
-        (bone, cut): (&'a Bone, &'a mut Cut),
-        (chunk, brick): (usize, usize),
-        window: Option<i16>,
+        (ground, brick): (&Ground<'a>, usize),
+        values: &'a mut Lines,
+        window: i16,
         losses: &'a mut Losses<L>,
     ) -> Self {
-        let data = bone.chunk(chunk);
-        let base = brick * BRICK_VOXELS;
-        let (values, totals) = cut.brick_and_totals(chunk, brick);
         Self {
             l,
-            values: values.as_chunks_mut().0,
-            totals,
-            solid: data.solid[base..base + BRICK_VOXELS].as_chunks().0,
-            data,
-            base,
-            mixed: bone.mixed_lines(chunk)[brick],
-            window,
-            changed: 0,
+            values,
+            solid: &ground.solid[brick],
+            window: [l.splat_i(window), l.splat_i(-window)],
+            losses,
+            changed: l.splat_i(0),
             losing: 0,
             lowest: 0,
-            losses,
         }
     }
 
     /// Fills lines with the lowest value.
     #[inline(always)]
     pub(super) fn fill(&mut self, mut lines: u16) {
+        self.lowest = lines;
         while lines != 0 {
             let line = lines.trailing_zeros() as usize;
             lines &= lines - 1;
@@ -79,48 +96,63 @@ impl<'a, L: Lanes> Pencil<'a, L> {
         let old = l.load_i(values);
         let new = l.min_i(new, old);
         l.store_i(new, values);
-        self.changed |= u16::from(l.any_less(new, old)) << line;
-        self.lowest |= u16::from(!l.any_less(l.splat_i(-i16::MAX), new)) << line;
-        if let Some(window) = self.window {
-            let solid = l.load_i(&self.solid[line]);
-            // units of occupancy, less half a voxel: clamp(min(solid, cut), ± window)
-            let (low, high) = (l.splat_i(-window), l.splat_i(window));
-            let solid = l.max_i(l.min_i(solid, high), low);
-            let before = l.max_i(l.min_i(solid, old), low);
-            let after = l.max_i(l.min_i(solid, new), low);
-            self.losses[line] = l.sub_i(before, after);
-            self.losing |= u16::from(l.any_less(after, before)) << line;
-        }
+        self.changed = l.note_difference(self.changed, old, new);
+        // units of occupancy, less half a voxel: clamp(min(solid, cut), ± window)
+        let [high, low] = self.window;
+        let solid = l.min_i(l.load_i(&self.solid[line]), high);
+        let before = l.max_i(l.min_i(solid, old), low);
+        let after = l.max_i(l.min_i(solid, new), low);
+        self.losses[line] = l.sub_i(before, after);
+        self.losing |= u16::from(l.any_less(after, before)) << line;
     }
 
-    /// Books what was removed; whether a value changed, and the lines that are at their lowest.
+    /// Whether a value changed, and the lines that are at their lowest.
     #[inline(always)]
-    pub(super) fn close(&mut self, ledger: &mut Ledger<L>) -> (bool, u16) {
+    pub(super) fn end(&self) -> (bool, u16) {
+        let zero = self.l.splat_i(0);
+        let changed = self.l.any_less(self.changed, zero) || self.l.any_less(zero, self.changed);
+        (changed, self.lowest)
+    }
+
+    /// Books what was removed.
+    #[inline(always)]
+    pub(super) fn book(
+        &self,
+        (ground, brick): (&Ground<'a>, usize),
+        ledger: &mut Ledger<L>,
+        totals: &mut Totals,
+    ) {
         let mut losing = self.losing;
+        let mixed = ground.mixed[brick % BRICKS_PER_CHUNK];
         while losing != 0 {
             let line = losing.trailing_zeros() as usize % LINES_PER_BRICK;
             losing &= losing - 1;
-            let at = self.base + line * LINE_VOXELS;
-            let (Some(class), Some(label)) = (
-                self.data.class[at..].first_chunk(),
-                self.data.label[at..].first_chunk(),
-            ) else {
-                continue;
-            };
+            let at = brick * LINES_PER_BRICK + line;
             let loss = self.losses[line];
-            if self.mixed >> line & 1 == 0 {
-                ledger.add(loss, (class[0], label[0]), self.totals);
-                continue;
-            }
-            let mut lanes = self.l.not_zero(loss);
-            while lanes != 0 {
-                let n = lanes.trailing_zeros() as usize;
-                let kind = (class[n], label[n]);
-                let same = self.l.equal_bytes(class, kind.0) & self.l.equal_bytes(label, kind.1);
-                ledger.add(self.l.keep(loss, same), kind, self.totals);
-                lanes &= !same;
+            if mixed >> line & 1 == 0 {
+                let [class, label] = ground.kinds[at];
+                ledger.add(loss, (class, label), totals);
+            } else {
+                self.book_mixed(loss, (&ground.class[at], &ground.label[at]), ledger, totals);
             }
         }
-        (self.changed != 0, self.lowest)
+    }
+
+    #[inline(always)]
+    fn book_mixed(
+        &self,
+        loss: L::I,
+        (class, label): (&[u8; LINE_VOXELS], &[u8; LINE_VOXELS]),
+        ledger: &mut Ledger<L>,
+        totals: &mut Totals,
+    ) {
+        let mut lanes = self.l.not_zero(loss);
+        while lanes != 0 {
+            let n = lanes.trailing_zeros() as usize;
+            let kind = (class[n], label[n]);
+            let same = self.l.equal_bytes(class, kind.0) & self.l.equal_bytes(label, kind.1);
+            ledger.add(self.l.keep(loss, same), kind, totals);
+            lanes &= !same;
+        }
     }
 }

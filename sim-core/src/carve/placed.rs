@@ -17,6 +17,18 @@
 //! of the largest over their faces, rounded to the nearest integer (ties to even) and clamped to
 //! ±32767.
 //!
+//! **Wide faces**, balls and cylinders whose radius R is at least [`WIDE`] bands, need no root. With
+//! e = (q − R²)/2R, of the same form as q with every term times 1/2R (rounded from `f64` at the chunk;
+//! for a cylinder less (z/2R) z), the distance is √(R² + 2Re) − R = e (1 − u + 2u² − 5u³ …), u = e/2R, and is
+//! stored as
+//!
+//! ```text
+//! e (1 − e (m/2R − e/2R²)), m = 1 + 15/4 (band/2R)²
+//! ```
+//!
+//! where m takes up what the term in u³ is on the average: off by at most 2e-5 of the band inside it,
+//! and rising everywhere.
+//!
 //! **Curvature.** Reading a distance field linearly between voxels overestimates a convex one by
 //! h²∇²d/12 on the average (h² = the mean square spacing), so balls, rings and cylinders are grown by
 //! that: h²/6R for a ball, h²/12r for a cylinder, with ∇² at most 2/h ([`Form::grown_mm`]). A cone is not:
@@ -27,7 +39,7 @@
     reason = "lengths become f32 inside a node; what a job calls must melt into it"
 )]
 
-use super::node::{Node, NodeFace, Square};
+use super::node::{Frame, Node, NodeFace, Square};
 use crate::grid::Grid;
 use crate::pose::Pose;
 use crate::tool::revolved::{Form, MAX_ALL_FACES, MAX_PARTS, Revolved};
@@ -38,8 +50,11 @@ pub(super) const MAX_FLAT: usize = MAX_ALL_FACES;
 /// What a bound leaves for rounding: units, and a share of the tool's reach.
 const SLACK: (f64, f64) = (8.0, 1e-6);
 
+/// Radius from which a ball or cylinder is wide, bands.
+const WIDE: f64 = 18.5;
+
 /// A face in units; what the fields mean depends on the kind.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct FlatFace {
     kind: Kind,
     part: u8,
@@ -49,6 +64,8 @@ pub(super) struct FlatFace {
     b: f64,
     // plane, cone: offset; ball, ring: radius
     c: f64,
+    // wide: what e is bent by
+    m: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,11 +74,21 @@ pub(super) enum Kind {
     Cone,
     Ball,
     Ring,
+    WideBall,
+    WideCylinder,
+}
+
+impl Kind {
+    /// Whether a face has a square of its own.
+    #[inline(always)]
+    pub(super) fn has_square(self) -> bool {
+        matches!(self, Self::Ball | Self::WideBall | Self::WideCylinder)
+    }
 }
 
 /// The tool in the lattice.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Placed {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Placed {
     faces: [FlatFace; MAX_FLAT],
     count: usize,
     parts: u8,
@@ -110,7 +137,8 @@ impl Placed {
         let mut reach = solid.bounds.lo.abs().max(solid.bounds.hi.abs()).length();
         for part in &solid.parts {
             for face in &part.faces {
-                let flat = FlatFace::new(face.form, units, bend, placed.parts);
+                let flat = FlatFace::new(face.form, units, bend, placed.parts)
+                    .widened(f64::from(placed.band));
                 // a square is rounded against the way to its face's centre
                 reach = reach.max((flat.b.abs() + flat.c.abs()) / units);
                 placed.faces[placed.count] = flat;
@@ -146,9 +174,11 @@ impl Placed {
     pub(super) fn enter(&self, node: &mut Node, middle: DVec3) {
         let foot = middle.dot(self.axis);
         node.count = self.count;
-        node.z0 = 0.0;
-        node.axis = self.axis32;
-        node.square = Square::new(middle - foot * self.axis);
+        node.frame = Frame {
+            axis: self.axis32,
+            z0: 0.0,
+            square: Square::new(middle - foot * self.axis),
+        };
         node.needs_r = false;
         for n in 0..self.count {
             let face = &self.faces[n];
@@ -157,10 +187,22 @@ impl Placed {
         }
     }
 
-    /// Kind of a face.
-    #[inline(always)]
-    pub(super) fn kind(&self, face: usize) -> Kind {
-        self.faces[face % MAX_FLAT].kind
+    /// Whether this is the same tool in the same lattice, wherever it is.
+    pub(super) fn is_the_tool_of(&self, other: &Self) -> bool {
+        let faces = &self.faces[..self.count];
+        self.spacing == other.spacing
+            && self.parts == other.parts
+            && Some(faces) == other.faces.get(..other.count)
+    }
+
+    /// The apex, bone frame, units.
+    pub(super) fn apex(&self) -> DVec3 {
+        self.apex
+    }
+
+    /// The axis, bone frame.
+    pub(super) fn axis(&self) -> DVec3 {
+        self.axis
     }
 
     /// Number of faces.
@@ -176,6 +218,7 @@ impl FlatFace {
         a: 0.0,
         b: 0.0,
         c: 0.0,
+        m: 0.0,
     };
 
     fn new(form: Form, units: f64, bend: f64, part: u8) -> Self {
@@ -219,11 +262,22 @@ impl FlatFace {
         flat
     }
 
+    fn widened(mut self, band: f64) -> Self {
+        let wide = self.c >= WIDE * band;
+        match self.kind {
+            Kind::Ball if wide => self.kind = Kind::WideBall,
+            Kind::Cone if wide && self.b == 0.0 => self.kind = Kind::WideCylinder,
+            _ => {}
+        }
+        self.m = 1.0 + 3.75 * (0.5 * band / self.c) * (0.5 * band / self.c);
+        self
+    }
+
     fn distance(&self, r: f64, z: f64) -> f64 {
         match self.kind {
             Kind::Plane => self.a * z - self.c,
-            Kind::Cone => self.a * r + self.b * z - self.c,
-            Kind::Ball => (r * r + (z - self.b) * (z - self.b)).sqrt() - self.c,
+            Kind::Cone | Kind::WideCylinder => self.a * r + self.b * z - self.c,
+            Kind::Ball | Kind::WideBall => (r * r + (z - self.b) * (z - self.b)).sqrt() - self.c,
             Kind::Ring => {
                 let beyond = (r - self.a).max(0.0);
                 (beyond * beyond + (z - self.b) * (z - self.b)).sqrt() - self.c
@@ -246,6 +300,12 @@ impl FlatFace {
             Kind::Cone => face.c = (self.c - self.b * foot) as f32,
             Kind::Ball => face.square = Square::new(base - self.b * axis),
             Kind::Ring => face.b = (self.b - foot) as f32,
+            Kind::WideBall => face.square = Square::less(base - self.b * axis, self.c),
+            Kind::WideCylinder => face.square = Square::less(base - foot * axis, self.c),
+        }
+        if matches!(self.kind, Kind::WideBall | Kind::WideCylinder) {
+            face.a = (0.5 * self.m / self.c) as f32;
+            face.b = (0.5 / (self.c * self.c)) as f32;
         }
         face
     }

@@ -2,8 +2,10 @@
 //!
 //! A voxel's value is the grid's trilinear value at ((p + i s.x) + j s.y) + k s.z, p = the brick's first
 //! voxel and **s** the steps from voxel to voxel in the tool frame (`f32`, p from `f64`), in units of the
-//! stored distance, rounded as for any tool. It has no curvature correction: a mesh does not say what
-//! its facets stand for.
+//! stored distance, rounded as for any tool. Where one smooth piece of the grid ([`Patch`]) holds for a
+//! whole line, it is that polynomial's value instead, at the line's middle from the piece's plus
+//! (i s.x + j s.y) + k s.z from there; within 4 µm of the other. There is no curvature correction: a mesh
+//! does not say what its facets stand for.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::inline_always,
@@ -13,6 +15,7 @@
 use crate::grid::{BRICKS_PER_CHUNK, Grid, LINES_PER_BRICK, brick_origin, line_origin};
 use crate::lanes::Lanes;
 use crate::pose::Pose;
+use crate::tool::patches::{Patch, TOLERANCE_MM};
 use crate::tool::sdf_grid::{BAND_MM, SdfGrid};
 use glam::{DMat3, Vec3};
 
@@ -81,9 +84,10 @@ impl<'a> Sampled<'a> {
 
     /// Sorts a box of voxels. A sample lies within `near` of the distance itself, or both lie beyond
     /// [`BAND_MM`]; however far away, within [`SdfGrid::slack_mm`].
+    #[inline(never)]
     fn sort(&self, middle: Vec3, radius: f32) -> Box3 {
         let value = self.samples.signed_distance(middle);
-        let near = self.samples.near_slack_mm();
+        let near = self.samples.near_slack_mm() + 2.0 * TOLERANCE_MM;
         let size = value.abs();
         let distance = (size.min(BAND_MM) - near).max(size - self.samples.slack_mm());
         // in a lattice whose band is wider than the samples' own, the coarse ones matter too
@@ -113,40 +117,107 @@ impl<'a> Sampled<'a> {
         self.sort(first + self.offset(3.5, 3.5, 3.5), self.brick_radius)
     }
 
-    /// Sorts a brick's lines: those to be filled and those to be computed.
-    pub(super) fn lines(&self, first: Vec3, live: u16) -> [u16; 2] {
-        let (mut full, mut near) = (0, 0);
-        for line in (0..LINES_PER_BRICK).filter(|line| live >> line & 1 == 1) {
-            let o = line_origin(line).map(|v| v as f32);
-            let middle = first + self.offset(o[0] + 1.5, o[1] + 1.5, o[2] + 0.5);
-            match self.sort(middle, self.line_radius) {
-                Box3::Skip => {}
-                Box3::Fill => full |= 1 << line,
-                Box3::Look => near |= 1 << line,
+    /// Middle of a line of the brick whose first voxel lies at `first`.
+    #[inline(always)]
+    fn middle(&self, first: Vec3, line: usize) -> Vec3 {
+        let [x, y, z] = line_origin(line % LINES_PER_BRICK).map(|v| v as f32);
+        let across = first + self.step[0] * (x + 1.5);
+        (across + self.step[1] * (y + 1.5)) + self.step[2] * (z + 0.5)
+    }
+
+    /// What is to be done with a line, and its values where they are to be computed.
+    #[inline(always)]
+    pub(super) fn line<L: Lanes>(
+        &self,
+        l: L,
+        offsets: &Offsets<L::F>,
+        first: Vec3,
+        line: usize,
+    ) -> (Box3, L::I) {
+        let middle = self.middle(first, line);
+        if let Some((patch, from)) = self.samples.patch(middle, self.line_radius) {
+            let value = patch.at(from);
+            let reach = self.band_mm + patch.steep * self.line_radius + 1e-3;
+            if value > reach {
+                return (Box3::Skip, l.splat_i(0));
             }
+            if value < -reach {
+                return (Box3::Fill, l.splat_i(-i16::MAX));
+            }
+            return (Box3::Look, self.smooth(l, offsets, patch, from));
         }
-        [full, near]
+        let what = self.sort(middle, self.line_radius);
+        let values = match what {
+            Box3::Skip => l.splat_i(0),
+            Box3::Fill => l.splat_i(-i16::MAX),
+            Box3::Look => {
+                let [low, high] = self.look_up(first, line);
+                l.round(l.load(&low), l.load(&high))
+            }
+        };
+        (what, values)
     }
 
-    /// The stored values of a line.
+    /// The values of a line about the point `from` of a patch.
     #[inline(always)]
-    pub(super) fn line<L: Lanes>(&self, l: L, first: Vec3, line: usize) -> L::I {
-        let low = self.layer(l, first, line, 0);
-        l.round(low, self.layer(l, first, line, 1))
+    fn smooth<L: Lanes>(&self, l: L, offsets: &Offsets<L::F>, patch: &Patch, from: Vec3) -> L::I {
+        let units = l.splat(self.units_per_mm);
+        let low = of_patch(l, patch, from, &offsets.0[0]);
+        let high = of_patch(l, patch, from, &offsets.0[1]);
+        l.round(l.mul(low, units), l.mul(high, units))
     }
 
-    #[inline(always)]
-    fn layer<L: Lanes>(&self, l: L, first: Vec3, line: usize, layer: usize) -> L::F {
+    /// The values of a line's two layers, units, each read from the grid.
+    #[inline(never)]
+    fn look_up(&self, first: Vec3, line: usize) -> [[f32; 16]; 2] {
         let o = line_origin(line % LINES_PER_BRICK);
-        let rise = self.step[2] * (o[2] + layer) as f32;
-        let mut values = [0.0; 16];
-        for y in 0..4 {
-            for x in 0..4 {
-                let across = first + self.step[0] * (o[0] + x) as f32;
-                let p = (across + self.step[1] * (o[1] + y) as f32) + rise;
-                values[4 * y + x] = self.samples.signed_distance(p) * self.units_per_mm;
+        let mut values = [[0.0; 16]; 2];
+        for (layer, values) in values.iter_mut().enumerate() {
+            let rise = self.step[2] * (o[2] + layer) as f32;
+            for (n, value) in values.iter_mut().enumerate() {
+                let across = first + self.step[0] * (o[0] + (n & 3)) as f32;
+                let p = (across + self.step[1] * (o[1] + (n >> 2)) as f32) + rise;
+                *value = self.samples.signed_distance(p) * self.units_per_mm;
             }
         }
-        l.load(&values)
+        values
     }
+}
+
+/// Voxels of a line's two layers from its middle, tool frame, mm.
+pub(super) struct Offsets<F>([[F; 3]; 2]);
+
+impl<F: Copy> Offsets<F> {
+    /// For a placed tool; nothing of use for none.
+    #[inline(always)]
+    pub(super) fn new<L: Lanes<F = F>>(l: L, sampled: Option<&Sampled<'_>>) -> Self {
+        let step = sampled.map_or([Vec3::ZERO; 3], |s| s.step);
+        let layer = |rise: f32| {
+            let points: [Vec3; 16] = core::array::from_fn(|n| {
+                let across = step[0] * ((n & 3) as f32 - 1.5) + step[1] * ((n >> 2) as f32 - 1.5);
+                across + step[2] * rise
+            });
+            let [x, y, z] = [0, 1, 2].map(|a| points.map(|p| p[a]));
+            [l.load(&x), l.load(&y), l.load(&z)]
+        };
+        Self([layer(-0.5), layer(0.5)])
+    }
+}
+
+/// [`Patch::at`] at 16 points.
+#[inline(always)]
+fn of_patch<L: Lanes>(l: L, patch: &Patch, from: Vec3, offsets: &[L::F; 3]) -> L::F {
+    let p = [
+        l.add(l.splat(from.x), offsets[0]),
+        l.add(l.splat(from.y), offsets[1]),
+        l.add(l.splat(from.z), offsets[2]),
+    ];
+    let [xx, xy, xz, yy, yz, zz] = patch.second;
+    let by = |v: f32, p: L::F| l.mul(p, l.splat(v));
+    let a = l.add(by(xx, p[0]), by(xy, p[1]));
+    let a = l.mul(l.add(a, l.add(by(xz, p[2]), l.splat(patch.first[0]))), p[0]);
+    let b = l.add(by(yy, p[1]), by(yz, p[2]));
+    let b = l.mul(l.add(b, l.splat(patch.first[1])), p[1]);
+    let c = l.mul(l.add(by(zz, p[2]), l.splat(patch.first[2])), p[2]);
+    l.add(l.add(a, b), l.add(c, l.splat(patch.value)))
 }

@@ -8,20 +8,22 @@
     reason = "a brick's number is below 64; lanes must melt into the job"
 )]
 
-use super::bounds::{Bounds, Deciding, Extent, active};
-use super::flats::{Field, Many, OneBall, OneCone, Room, Voxels};
+use super::bounds::{Bounds, Extent, Sides, active};
+use super::flats::{Room, Voxels};
 use super::ledger::Ledger;
 use super::node::{Node, Points};
-use super::patterns::{brick_layer, layer, line_middles};
+use super::patterns::{brick_layer, heights, layer, line_middles};
 use super::pencil::{Losses, Pencil};
-use super::placed::{Kind, MAX_FLAT, Placed};
-use super::sampled::{Box3, Sampled};
+use super::placed::Placed;
+use super::sampled::{Box3, Offsets, Sampled};
+use super::since::Since;
+use super::write::Desk;
 use crate::bone::{Bone, Occupancy};
 use crate::broad::ChunkRange;
 use crate::cut::Cut;
 use crate::grid::{BRICKS_PER_CHUNK, CHUNK, LINES_PER_BRICK, brick_origin};
 use crate::lanes::{Isa, Job, Lanes, dispatch};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// Units of work that a pose costs whatever it meets.
 const STAMP_WORK: i64 = 16;
@@ -36,6 +38,8 @@ pub(super) struct Stamp<'a> {
     pub cut: &'a mut Cut,
     pub changed: &'a mut dyn FnMut(usize, usize),
     pub placed: &'a Placed,
+    /// The last stamp, where it says something.
+    pub since: Option<Since<'a>>,
     /// A tool that is sampled on a grid; it has no faces then.
     pub sampled: Option<Sampled<'a>>,
     pub tool: u8,
@@ -58,18 +62,6 @@ impl Stamp<'_> {
     }
 }
 
-impl Stamp<'_> {
-    /// Notes the `lowest` lines of a brick (`bony` are those that matter), and says that it changed.
-    fn finish(&mut self, place: (usize, usize), bony: u16, (any, lowest): (bool, u16)) {
-        if lowest != 0 {
-            self.cut.add_emptied(place, lowest, bony);
-        }
-        if any {
-            (self.changed)(place.0, place.1);
-        }
-    }
-}
-
 struct Chunks<'a, 'b> {
     stamp: &'a mut Stamp<'b>,
     range: &'a ChunkRange,
@@ -85,8 +77,10 @@ impl Job for Chunks<'_, '_> {
         let kernel = Kernel::new(l, self.stamp);
         let mut scratch = Scratch {
             chunk: Node::empty(),
+            last: Node::empty(),
             brick: Node::empty(),
             bounds: Bounds::new(l),
+            sides: Sides::new(l),
             tasks: [Task::NONE; BRICKS_PER_CHUNK],
             ledger: Ledger::new(l, self.stamp.tool),
             losses: [l.splat_i(0); LINES_PER_BRICK],
@@ -118,46 +112,48 @@ impl Job for Chunks<'_, '_> {
 }
 
 /// Constants of a pose on a vector unit.
-struct Kernel<L: Lanes> {
-    l: L,
-    // middles of the 16 bricks of each layer of a chunk, from the chunk's middle
-    bricks: [Points<L::F>; 4],
-    // middles of the 16 lines of a brick, from its first voxel
-    lines: Points<L::F>,
-    voxels: Voxels<L::F>,
-    chunk_middle: DVec3,
-    chunk_radius: f64,
-    spacing: [f32; 3],
-    brick: Extent,
-    line: Extent,
-    band: f32,
-    // half the occupancy's window; none for no account
-    window: Option<i16>,
+pub(super) struct Kernel<L: Lanes> {
+    pub(super) l: L,
+    /// middles of the 16 bricks of each layer of a chunk, from the chunk's middle
+    pub(super) bricks: [Points<L::F>; 4],
+    /// middles of the 16 lines of a brick, from its first voxel
+    pub(super) lines: Points<L::F>,
+    pub(super) voxels: Voxels<L::F>,
+    /// voxels of a line in a sampled tool's frame
+    pub(super) offsets: Offsets<L::F>,
+    pub(super) chunk_middle: DVec3,
+    pub(super) chunk_radius: f64,
+    pub(super) spacing: [f32; 3],
+    pub(super) brick: Extent,
+    pub(super) line: Extent,
+    pub(super) band: f32,
+    /// half the occupancy's
+    pub(super) window: i16,
 }
 
 /// Long arrays that are made once a job.
-struct Scratch<L: Lanes> {
-    chunk: Node,
-    brick: Node,
-    bounds: Bounds<L::F>,
-    tasks: [Task; BRICKS_PER_CHUNK],
-    ledger: Ledger<L>,
-    losses: Losses<L>,
-    room: Room<L::F>,
+pub(super) struct Scratch<L: Lanes> {
+    pub(super) chunk: Node,
+    pub(super) last: Node,
+    pub(super) brick: Node,
+    pub(super) bounds: Bounds<L::F>,
+    pub(super) sides: Sides<L::F>,
+    pub(super) tasks: [Task; BRICKS_PER_CHUNK],
+    pub(super) ledger: Ledger<L>,
+    pub(super) losses: Losses<L>,
+    pub(super) room: Room<L::F>,
 }
 
 /// What is to be done in a brick.
 #[derive(Clone, Copy)]
-struct Task {
-    brick: u8,
-    // one bit a face that can decide
-    faces: u32,
-    // lines that can hold bone; of them, those to be filled, and those to be computed
-    bony: u16,
-    full: u16,
-    near: u16,
-    // where each face of the tool can decide
-    deciding: Deciding,
+pub(super) struct Task {
+    pub(super) brick: u8,
+    /// one bit a face that can decide
+    pub(super) faces: u16,
+    /// lines that can hold bone; of them, those to be filled, and those to be computed
+    pub(super) bony: u16,
+    pub(super) full: u16,
+    pub(super) near: u16,
 }
 
 impl Task {
@@ -167,27 +163,7 @@ impl Task {
         bony: 0,
         full: 0,
         near: 0,
-        deciding: [0; MAX_FLAT],
     };
-}
-
-impl Task {
-    /// Keeps the faces that decide on lines to be computed; `deciding` has those of the brick's node.
-    #[inline(always)]
-    fn narrow(&mut self, deciding: &Deciding) {
-        let mut faces = self.faces;
-        let mut n = 0;
-        while faces != 0 {
-            let face = faces.trailing_zeros() as usize % MAX_FLAT;
-            faces &= faces - 1;
-            let lines = deciding[n % MAX_FLAT] & self.near;
-            self.deciding[face] = lines;
-            if lines == 0 {
-                self.faces &= !(1 << face);
-            }
-            n += 1;
-        }
-    }
 }
 
 impl<L: Lanes> Kernel<L> {
@@ -214,16 +190,16 @@ impl<L: Lanes> Kernel<L> {
                     layer(l, h, 3),
                 ],
                 rise: h[2],
+                heights: heights(l, h[2]),
             },
+            offsets: Offsets::new(l, stamp.sampled.as_ref()),
             chunk_middle: spacing * 15.5,
             chunk_radius: 15.5 * spacing.length() + f64::from(slack),
             spacing: h,
             brick: Extent::new([3.5 * h[0], 3.5 * h[1], 3.5 * h[2]], slack),
             line: Extent::new([1.5 * h[0], 1.5 * h[1], 0.5 * h[2]], slack),
             band: placed.band,
-            window: stamp
-                .account
-                .then(|| Occupancy::new(stamp.bone.grid()).half_window()),
+            window: Occupancy::new(stamp.bone.grid()).half_window(),
         }
     }
 
@@ -240,12 +216,15 @@ impl<L: Lanes> Kernel<L> {
         if live == 0 {
             return;
         }
-        let middle = placed.apex_to([coord[0] * CHUNK, coord[1] * CHUNK, coord[2] * CHUNK])
-            + self.chunk_middle;
+        let first = [coord[0] * CHUNK, coord[1] * CHUNK, coord[2] * CHUNK];
+        let middle = placed.apex_to(first) + self.chunk_middle;
         if placed.distance(middle) - self.chunk_radius >= f64::from(self.band) {
             return;
         }
         placed.enter(&mut scratch.chunk, middle);
+        if let Some(since) = &stamp.since {
+            since.enter(&mut scratch.last, first, self.chunk_middle);
+        }
         let mut count = 0;
         for layer in 0..4 {
             let here = (live >> (16 * layer)) as u16;
@@ -256,13 +235,17 @@ impl<L: Lanes> Kernel<L> {
         }
         let mut kept = 0;
         for n in 0..count {
-            let task = self.bound_lines(scratch, scratch.tasks[n % BRICKS_PER_CHUNK], placed);
+            let task = self.bound_lines(scratch, scratch.tasks[n % BRICKS_PER_CHUNK]);
             *stamp.budget -= 1 + i64::from((task.full | task.near).count_ones());
             scratch.tasks[kept % BRICKS_PER_CHUNK] = task;
             kept += usize::from(task.full | task.near != 0);
         }
+        if kept == 0 {
+            return;
+        }
+        let mut desk = Desk::new(stamp, chunk);
         for n in 0..kept {
-            self.write(stamp, scratch, chunk, n);
+            self.write(&mut desk, scratch, n);
         }
     }
 
@@ -279,38 +262,64 @@ impl<L: Lanes> Kernel<L> {
         if bricks == 0 || !sampled.reaches(coord) {
             return;
         }
+        let bony_lines = stamp.bone.bony_lines(chunk);
+        let mut desk = Desk::new(stamp, chunk);
         while bricks != 0 {
-            let brick = bricks.trailing_zeros() as usize;
+            let brick = bricks.trailing_zeros() as usize % BRICKS_PER_CHUNK;
             bricks &= bricks - 1;
-            *stamp.budget -= 1;
+            *desk.budget -= 1;
             let first = sampled.first(coord, brick);
-            let place = (chunk, brick);
-            let bony = stamp.bone.bony_lines(chunk)[brick % BRICKS_PER_CHUNK];
-            let live = bony & !stamp.cut.emptied_lines(chunk, brick);
-            let [full, mut near] = match sampled.brick(first) {
-                Box3::Skip => continue,
-                Box3::Fill => [live, 0],
-                Box3::Look => {
-                    *stamp.budget -= SORT_WORK;
-                    sampled.lines(first, live)
-                }
-            };
-            *stamp.budget -=
-                i64::from(full.count_ones()) + SAMPLE_WORK * i64::from(near.count_ones());
-            if full | near == 0 {
+            let bony = bony_lines[brick];
+            let live = bony & !desk.open.emptied_lines(brick);
+            let what = sampled.brick(first);
+            if what == Box3::Skip || live == 0 {
                 continue;
             }
-            let fields = (stamp.bone, &mut *stamp.cut);
-            let mut pencil = Pencil::new(self.l, fields, place, self.window, &mut scratch.losses);
-            pencil.fill(full);
-            while near != 0 {
-                let line = near.trailing_zeros() as usize;
-                near &= near - 1;
-                pencil.lower(line, sampled.line(self.l, first, line));
+            let values = desk.open.lines(brick);
+            let place = (&desk.ground, brick);
+            let mut pencil = Pencil::new(self.l, place, values, self.window, &mut scratch.losses);
+            if what == Box3::Fill {
+                *desk.budget -= i64::from(live.count_ones());
+                pencil.fill(live);
+            } else {
+                *desk.budget -= SORT_WORK;
+                *desk.budget -= self.sample_lines(&mut pencil, sampled, first, live);
             }
-            let end = pencil.close(&mut scratch.ledger);
-            stamp.finish(place, bony, end);
+            if desk.account {
+                pencil.book(place, &mut scratch.ledger, desk.totals);
+            }
+            let end = pencil.end();
+            desk.finish(brick, bony, end);
         }
+    }
+
+    /// Lowers a brick's lines to a sampled tool's distance; the units of work that it took.
+    #[inline(always)]
+    fn sample_lines(
+        &self,
+        pencil: &mut Pencil<'_, L>,
+        sampled: &Sampled<'_>,
+        first: Vec3,
+        live: u16,
+    ) -> i64 {
+        let (mut lines, mut full, mut work) = (live, 0, 0);
+        while lines != 0 {
+            let line = lines.trailing_zeros() as usize;
+            lines &= lines - 1;
+            match sampled.line(self.l, &self.offsets, first, line) {
+                (Box3::Skip, _) => {}
+                (Box3::Fill, _) => {
+                    work += 1;
+                    full |= 1 << line;
+                }
+                (Box3::Look, values) => {
+                    work += SAMPLE_WORK;
+                    pencil.lower(line, values);
+                }
+            }
+        }
+        pencil.fill(full);
+        work
     }
 
     /// Lists the bricks of a layer that the tool reaches.
@@ -329,6 +338,11 @@ impl<L: Lanes> Kernel<L> {
         let mut todo = l.le(bounds.low, l.splat(self.band)) & here;
         if todo == 0 {
             return;
+        }
+        if let Some(since) = &stamp.since {
+            let nodes = (&scratch.chunk, &scratch.last);
+            let boxes = (&self.bricks[layer], &self.brick, &*bounds);
+            todo = since.nearer(l, nodes, boxes, todo);
         }
         let deciding = bounds.deciding(l, &scratch.chunk);
         let (bony, faces) = (stamp.bone.bony_lines(chunk), stamp.placed.count());
@@ -349,7 +363,6 @@ impl<L: Lanes> Kernel<L> {
                 bony: bony[brick % 64],
                 full: if full { live } else { 0 },
                 near: live,
-                deciding: [0; MAX_FLAT],
             };
             *count += 1;
         }
@@ -357,39 +370,32 @@ impl<L: Lanes> Kernel<L> {
 
     /// Sorts a brick's lines.
     #[inline(always)]
-    fn bound_lines(&self, scratch: &mut Scratch<L>, task: Task, placed: &Placed) -> Task {
-        let faces = task.faces;
-        let face = faces.trailing_zeros() as usize % MAX_FLAT;
-        if faces == 0 {
+    fn bound_lines(&self, scratch: &mut Scratch<L>, task: Task) -> Task {
+        if task.faces == 0 {
             return Task { near: 0, ..task };
         }
         let l = self.l;
         let o = self.offset(task.brick);
-        let [low, high] = if single(faces) && placed.kind(face) == Kind::Ball {
-            let field = OneBall::new(l, &scratch.chunk.faces[face], o);
-            field.bounds(l, &self.lines, &self.line)
+        let sides = &mut scratch.sides;
+        sides.enter(l, (&scratch.chunk, task.faces, o), &self.lines, &self.line);
+        let full = l.le(sides.high, l.splat(-self.band)) & task.near;
+        let near = l.le(sides.low, l.splat(self.band)) & task.near & !full;
+        let faces = if single(task.faces) {
+            task.faces
         } else {
-            scratch.brick.enter(&scratch.chunk, o, faces);
-            scratch
-                .bounds
-                .enter(l, &scratch.brick, &self.lines, &self.line);
-            [scratch.bounds.low, scratch.bounds.high]
+            sides.deciding(l, &scratch.chunk, task.faces, near)
         };
-        let full = l.le(high, l.splat(-self.band)) & task.near;
-        let near = l.le(low, l.splat(self.band)) & task.near & !full;
-        let mut task = Task { full, near, ..task };
-        if single(faces) {
-            task.deciding[face] = near;
-        } else {
-            let deciding = scratch.bounds.deciding(l, &scratch.brick);
-            task.narrow(&deciding);
+        Task {
+            faces,
+            full,
+            near,
+            ..task
         }
-        task
     }
 
     /// First voxel of a brick, from the chunk's middle.
     #[inline(always)]
-    fn offset(&self, brick: u8) -> [f32; 3] {
+    pub(super) fn offset(&self, brick: u8) -> [f32; 3] {
         let corner = brick_origin(usize::from(brick));
         [
             self.spacing[0] * (corner[0] as f32 - 15.5),
@@ -397,56 +403,9 @@ impl<L: Lanes> Kernel<L> {
             self.spacing[2] * (corner[2] as f32 - 15.5),
         ]
     }
-
-    /// Writes a brick's lines.
-    #[inline(always)]
-    fn write(&self, stamp: &mut Stamp<'_>, scratch: &mut Scratch<L>, chunk: usize, n: usize) {
-        let l = self.l;
-        let task = scratch.tasks[n % BRICKS_PER_CHUNK];
-        let brick = usize::from(task.brick);
-        let placed = stamp.placed;
-        let place = (chunk, brick);
-        let fields = (stamp.bone, &mut *stamp.cut);
-        let mut pencil = Pencil::new(l, fields, place, self.window, &mut scratch.losses);
-        pencil.fill(task.full);
-        let faces = task.faces;
-        let face = faces.trailing_zeros() as usize % MAX_FLAT;
-        if task.near != 0 {
-            let o = self.offset(task.brick);
-            if single(faces) && placed.kind(face) == Kind::Ball {
-                let mut field = OneBall::new(l, &scratch.chunk.faces[face], o);
-                self.compute(&mut pencil, &mut field, task.near);
-            } else {
-                scratch.brick.enter(&scratch.chunk, o, faces);
-                if single(faces) && placed.kind(face) == Kind::Cone {
-                    let mut field = OneCone::new(l, &scratch.brick);
-                    self.compute(&mut pencil, &mut field, task.near);
-                } else {
-                    let room = &mut scratch.room;
-                    let mut field = Many::<L>::new(&scratch.brick, faces, &task.deciding, room);
-                    self.compute(&mut pencil, &mut field, task.near);
-                }
-            }
-        }
-        let end = pencil.close(&mut scratch.ledger);
-        stamp.finish(place, task.bony, end);
-    }
-
-    /// Lowers lines to the distances of `field`.
-    #[inline(always)]
-    fn compute(&self, pencil: &mut Pencil<'_, L>, field: &mut impl Field<L>, mut near: u16) {
-        let l = self.l;
-        field.prepare(l, &self.voxels, near);
-        while near != 0 {
-            let line = near.trailing_zeros() as usize;
-            near &= near - 1;
-            let [low, high] = field.pair(l, &self.voxels, line);
-            pencil.lower(line, l.round(low, high));
-        }
-    }
 }
 
 #[inline(always)]
-fn single(faces: u32) -> bool {
+pub(super) fn single(faces: u16) -> bool {
     faces & faces.wrapping_sub(1) == 0
 }

@@ -8,8 +8,9 @@
 //! ```
 //!
 //! is exact for encoders and a zero-order hold, whatever the delay, and needs no velocity. A loop that is
-//! passive keeps W ≥ 0. What cutting has really used up is taken out of a surplus as it arises, or a
-//! minute of drilling would pay for a minute of buzzing.
+//! passive keeps W ≥ 0. What is kept is no more than the coupling stores and a little: what cutting has
+//! really used up is gone, or a minute of drilling would pay for a minute of buzzing. And a smooth arm's
+//! own friction is credited, which burns what the counting of encoders makes.
 
 use crate::feel::GuardFeel;
 use glam::DVec3;
@@ -21,8 +22,10 @@ const COUNT_MM: f64 = 0.06;
 /// Coulomb friction of a joint that even a smooth arm has, N·mm (0.02 N at the stylus): it burns what
 /// counting makes, K Δ²/2 a count, and the account knows it.
 const FRICTION_NMM: f64 = 2.7;
-/// Share of a surplus that a tick out of contact keeps.
-const FORGET: f64 = 0.98;
+/// It is credited for one count a tick of each joint, rad: a fast hand needs no credit.
+const COUNT_RAD: f64 = 5e-4;
+/// Surplus over what the coupling stores that is kept, mJ.
+const SURPLUS_MJ: f64 = 0.1;
 
 /// The observer's account.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -44,34 +47,25 @@ impl Passivity {
     }
 
     /// A sample: joint angles, rad, and the torque in force from it on without what lies outside the
-    /// account, and that (vibration), N·mm. A stylus that vibrates crosses counts of its encoders, and each
-    /// costs the loop energy as any delayed spring does: up to the vibration's torque times the way that
-    /// is the vibration's doing, and no more than friction is it counted.
+    /// account, and that (vibration), N·mm. A stylus that vibrates crosses counts of its encoders back and
+    /// forth, and each makes energy as counting does: up to the vibration's torque times a count that is
+    /// the vibration's doing.
     pub fn observe(&mut self, angles: DVec3, applied_nmm: DVec3, buzz_nmm: DVec3) {
         if let Some((before, torque, buzz)) = self.last {
             let work = torque.dot(angles - before);
             if work.is_finite() {
                 self.energy_mj -= work;
-                let way = (angles - before).abs();
-                let rubbed = FRICTION_NMM * way.element_sum() + buzz.abs().dot(way);
-                if self.energy_mj < 0.0 {
-                    self.energy_mj = (self.energy_mj + rubbed).min(0.0);
-                }
+                let counted = (angles - before).abs().min(DVec3::splat(COUNT_RAD));
+                self.energy_mj += (buzz.abs() + FRICTION_NMM).dot(counted);
             }
         }
         self.last = Some((angles, applied_nmm, buzz_nmm));
     }
 
-    /// What cutting used up, mJ at the stylus: taken out of a surplus.
-    pub fn consume(&mut self, cut_mj: f64) {
-        self.energy_mj -= cut_mj.clamp(0.0, self.energy_mj.max(0.0));
-    }
-
-    /// A tick well out of contact: a surplus fades.
-    pub fn fade(&mut self) {
-        if self.energy_mj > 0.0 {
-            self.energy_mj *= FORGET;
-        }
+    /// The coupling stores `stored_mj` at the stylus now (0 out of contact): what is more than that, and
+    /// a little, is used up.
+    pub fn settle(&mut self, stored_mj: f64) {
+        self.energy_mj = self.energy_mj.min(stored_mj.max(0.0) + SURPLUS_MJ);
     }
 
     /// The controller's force, N, and whether the loop had made energy beyond what counting makes.
@@ -127,7 +121,7 @@ mod tests {
             observer.observe(DVec3::X * x, DVec3::X * (-k * x), DVec3::ZERO);
         }
         let made = k * step * step * f64::from(n);
-        let burnt = FRICTION_NMM * step * f64::from(n);
+        let burnt = 2.0 * FRICTION_NMM * step * f64::from(n);
         let found = -observer.energy_mj();
         assert!(
             found <= made + 1e-12 && found >= made - burnt,
@@ -163,18 +157,21 @@ mod tests {
     }
 
     #[test]
-    fn cutting_takes_a_surplus_only() {
+    fn a_surplus_is_not_kept_and_what_is_stored_is() {
         let mut observer = Passivity::default();
-        observer.observe(DVec3::ZERO, DVec3::X * -1.0, DVec3::ZERO);
-        observer.observe(DVec3::X * 0.5, DVec3::X * 2.0, DVec3::ZERO);
-        observer.consume(0.2);
-        assert!((observer.energy_mj() - 0.3).abs() < 1e-12);
-        observer.consume(5.0);
-        assert!(observer.energy_mj().abs() < 1e-15);
-        observer.observe(DVec3::X * 0.6, DVec3::X * 100.0, DVec3::ZERO);
-        observer.observe(DVec3::X * 0.7, DVec3::ZERO, DVec3::ZERO);
-        observer.consume(5.0);
-        assert!(observer.energy_mj() < 0.0);
+        observer.observe(DVec3::ZERO, DVec3::X * -1000.0, DVec3::ZERO);
+        observer.observe(DVec3::X * 0.005, DVec3::X * 1000.0, DVec3::ZERO);
+        assert!(observer.energy_mj() > 5.0);
+        observer.settle(2.0);
+        assert!((observer.energy_mj() - 2.0 - SURPLUS_MJ).abs() < 1e-12);
+        observer.settle(-1.0);
+        assert!((observer.energy_mj() - SURPLUS_MJ).abs() < 1e-12);
+        // a deficit stays
+        observer.observe(DVec3::X * 0.006, DVec3::ZERO, DVec3::ZERO);
+        let made = observer.energy_mj();
+        assert!(made < -0.8, "{made}");
+        observer.settle(5.0);
+        assert!((observer.energy_mj() - made).abs() < 1e-15);
         observer.observe(DVec3::NAN, DVec3::ZERO, DVec3::ZERO);
         assert!(observer.energy_mj().is_finite());
     }

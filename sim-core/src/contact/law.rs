@@ -30,7 +30,7 @@ pub struct Resistance {
 pub struct Cutter<'a> {
     sampler: Sampler<'a>,
     feel: &'a Feel,
-    ahead_mm: [f64; 2],
+    ahead_mm: f64,
     smallest_mm: f64,
     omega_rad_s: f64,
 }
@@ -41,24 +41,20 @@ impl<'a> Cutter<'a> {
         Self {
             sampler,
             feel,
-            ahead_mm: [0.75 * h, 1.25 * h],
+            ahead_mm: h,
             smallest_mm: feel.law.min_radius * state.tool.shape.bounds().reach_mm(),
             omega_rad_s: state.omega_rad_s,
         }
     }
 
     /// At an element at `p` with outward `normal` (bone frame), `radius_mm` from the spindle's axis. The
-    /// density is read ahead of the surface, from the bone as it was, so that a cut that lags by a tick
+    /// density is read one voxel ahead of the surface, from the bone as it was, so that a cut that lags by a tick
     /// changes nothing; where there is none ahead, at the element.
     pub fn resistance(&self, p: DVec3, normal: DVec3, radius_mm: f64) -> Resistance {
-        let [near, far] = self.ahead_mm;
-        let near = self.sampler.matter(p + normal * near);
-        let far = self.sampler.matter(p + normal * far);
-        let found = match (near, far) {
-            (Some(a), Some(b)) => Some((0.5 * (self.density(a) + self.density(b)), a.class)),
-            (Some(a), None) | (None, Some(a)) => Some((self.density(a), a.class)),
-            (None, None) => self.sampler.matter(p).map(|a| (self.density(a), a.class)),
-        };
+        let ahead = self.sampler.matter(p + normal * self.ahead_mm);
+        let found = ahead
+            .or_else(|| self.sampler.matter(p))
+            .map(|matter| (self.density(matter), matter.class));
         let (density, class) = found.unwrap_or((self.feel.density_g_cm3(-1000.0), 0));
         self.of(density, class, radius_mm)
     }

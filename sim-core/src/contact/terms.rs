@@ -1,7 +1,6 @@
 //! The elements' terms in the minimisation, kept in columns so that a step over all is cheap.
 
 use super::{Resistance, YIELD_EPS_MM};
-use crate::tool::MAX_ELEMENTS;
 use core::ops::{Add, Mul, Sub};
 use glam::DVec3;
 
@@ -30,7 +29,11 @@ pub struct Term {
     pub rigid: f64,
 }
 
-/// All terms. At most [`MAX_ELEMENTS`]; allocates only when made.
+/// Terms at most. Tools are made with at most [`crate::tool::MAX_ELEMENTS`]; a study of more of them may go
+/// up to this.
+pub const MAX_TERMS: usize = 5120;
+
+/// All terms. At most [`MAX_TERMS`]; allocates only when made.
 #[derive(Debug, Clone)]
 pub struct Terms {
     // normal and lever
@@ -134,9 +137,9 @@ pub struct Deed {
 impl Terms {
     /// Room for every element of any tool.
     pub fn new() -> Self {
-        let column = || Vec::with_capacity(MAX_ELEMENTS);
+        let column = || Vec::with_capacity(MAX_TERMS);
         Self {
-            rows: Vec::with_capacity(MAX_ELEMENTS),
+            rows: Vec::with_capacity(MAX_TERMS),
             offset: column(),
             yield_n: column(),
             drag: column(),
@@ -177,9 +180,9 @@ impl Terms {
         self.rows.is_empty()
     }
 
-    /// One more; beyond [`MAX_ELEMENTS`] it is left out.
+    /// One more; beyond [`MAX_TERMS`] it is left out.
     pub fn push(&mut self, term: &Term) {
-        if self.rows.len() >= MAX_ELEMENTS {
+        if self.rows.len() >= MAX_TERMS {
             return;
         }
         let (n, l) = (term.normal, term.lever);

@@ -67,7 +67,6 @@ pub(crate) trait Lanes: Copy {
 
     fn splat(self, value: f32) -> Self::F;
     fn load(self, values: &[f32; 16]) -> Self::F;
-    #[cfg(test)]
     fn store(self, values: Self::F) -> [f32; 16];
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
@@ -76,6 +75,7 @@ pub(crate) trait Lanes: Copy {
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
     fn sqrt(self, a: Self::F) -> Self::F;
+    fn abs(self, a: Self::F) -> Self::F;
     /// One bit a lane, set where `a ≤ b`.
     fn le(self, a: Self::F, b: Self::F) -> u16;
     /// Rounds to the nearest integer (ties to even), clamped to ±32767; groups of four from `low` and
@@ -89,6 +89,8 @@ pub(crate) trait Lanes: Copy {
     fn max_i(self, a: Self::I, b: Self::I) -> Self::I;
     /// Wrapping difference.
     fn sub_i(self, a: Self::I, b: Self::I) -> Self::I;
+    /// `seen` with further bits wherever `a` and `b` differ.
+    fn note_difference(self, seen: Self::I, a: Self::I, b: Self::I) -> Self::I;
     /// Whether any lane of `a` is less than that of `b`.
     fn any_less(self, a: Self::I, b: Self::I) -> bool;
     /// One bit a lane that is not zero.

@@ -46,7 +46,6 @@ impl Lanes for Portable {
     fn load(self, values: &[f32; 16]) -> Self::F {
         *values
     }
-    #[cfg(test)]
     #[inline(always)]
     fn store(self, values: Self::F) -> [f32; 16] {
         values
@@ -78,6 +77,10 @@ impl Lanes for Portable {
     #[inline(always)]
     fn sqrt(self, a: Self::F) -> Self::F {
         each(a, a, |a, _| a.sqrt())
+    }
+    #[inline(always)]
+    fn abs(self, a: Self::F) -> Self::F {
+        each(a, a, |a, _| a.abs())
     }
     #[inline(always)]
     fn le(self, a: Self::F, b: Self::F) -> u16 {
@@ -118,6 +121,10 @@ impl Lanes for Portable {
     #[inline(always)]
     fn sub_i(self, a: Self::I, b: Self::I) -> Self::I {
         each(a, b, i16::wrapping_sub)
+    }
+    #[inline(always)]
+    fn note_difference(self, seen: Self::I, a: Self::I, b: Self::I) -> Self::I {
+        each(seen, each(a, b, |a, b| a ^ b), |a, b| a | b)
     }
     #[inline(always)]
     fn any_less(self, a: Self::I, b: Self::I) -> bool {

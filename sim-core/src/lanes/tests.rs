@@ -48,6 +48,7 @@ impl Job for Everything {
                 l.min(a, b),
                 l.max(a, b),
                 l.sqrt(square),
+                l.abs(a),
                 l.splat(3.0),
             ] {
                 out.extend(l.store(v).iter().flat_map(|v| v.to_bits().to_le_bytes()));
@@ -62,6 +63,7 @@ impl Job for Everything {
                 l.max_i(x, y),
                 l.sub_i(x, y),
                 l.keep(x, mask),
+                l.note_difference(l.splat_i(2), x, y),
                 l.splat_i(-7),
             ] {
                 let mut to = [0; 32];

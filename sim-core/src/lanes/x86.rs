@@ -44,7 +44,6 @@ impl Lanes for V4 {
     fn load(self, values: &[f32; 16]) -> Self::F {
         cast(*values)
     }
-    #[cfg(test)]
     #[inline(always)]
     fn store(self, values: Self::F) -> [f32; 16] {
         cast(values)
@@ -76,6 +75,10 @@ impl Lanes for V4 {
     #[inline(always)]
     fn sqrt(self, a: Self::F) -> Self::F {
         self.avx512f._mm512_sqrt_ps(a)
+    }
+    #[inline(always)]
+    fn abs(self, a: Self::F) -> Self::F {
+        self.avx512f._mm512_abs_ps(a)
     }
     #[inline(always)]
     fn le(self, a: Self::F, b: Self::F) -> u16 {
@@ -112,6 +115,12 @@ impl Lanes for V4 {
     #[inline(always)]
     fn sub_i(self, a: Self::I, b: Self::I) -> Self::I {
         self.avx512bw._mm512_sub_epi16(a, b)
+    }
+    #[inline(always)]
+    fn note_difference(self, seen: Self::I, a: Self::I, b: Self::I) -> Self::I {
+        // seen | (a ^ b)
+        self.avx512f
+            ._mm512_ternarylogic_epi32::<0b1111_0110>(seen, a, b)
     }
     #[inline(always)]
     fn any_less(self, a: Self::I, b: Self::I) -> bool {
@@ -166,7 +175,6 @@ impl Lanes for V3 {
     fn load(self, values: &[f32; 16]) -> Self::F {
         cast(*values)
     }
-    #[cfg(test)]
     #[inline(always)]
     fn store(self, values: Self::F) -> [f32; 16] {
         cast(values)
@@ -197,7 +205,15 @@ impl Lanes for V3 {
     }
     #[inline(always)]
     fn sqrt(self, a: Self::F) -> Self::F {
-        a.map(|a| self.avx._mm256_sqrt_ps(a))
+        [self.avx._mm256_sqrt_ps(a[0]), self.avx._mm256_sqrt_ps(a[1])]
+    }
+    #[inline(always)]
+    fn abs(self, a: Self::F) -> Self::F {
+        let sign = self.splat(-0.0);
+        [
+            self.avx._mm256_andnot_ps(sign[0], a[0]),
+            self.avx._mm256_andnot_ps(sign[1], a[1]),
+        ]
     }
     #[inline(always)]
     fn le(self, a: Self::F, b: Self::F) -> u16 {
@@ -246,6 +262,11 @@ impl Lanes for V3 {
     #[inline(always)]
     fn sub_i(self, a: Self::I, b: Self::I) -> Self::I {
         both(a, b, |a, b| self.avx2._mm256_sub_epi16(a, b))
+    }
+    #[inline(always)]
+    fn note_difference(self, seen: Self::I, a: Self::I, b: Self::I) -> Self::I {
+        let differ = both(a, b, |a, b| self.avx2._mm256_xor_si256(a, b));
+        both(seen, differ, |a, b| self.avx2._mm256_or_si256(a, b))
     }
     #[inline(always)]
     fn any_less(self, a: Self::I, b: Self::I) -> bool {

@@ -7,6 +7,7 @@
 pub mod bvh;
 pub mod elements;
 pub mod mesh;
+pub mod patches;
 pub mod revolved;
 pub mod sdf_grid;
 

@@ -10,6 +10,7 @@
 use super::ToolBox;
 use super::bvh::{Bvh, Triangle};
 use super::mesh::{Mesh, MeshError};
+use super::patches::{Patch, Patches};
 use glam::Vec3;
 
 /// One unit of a stored value, mm.
@@ -57,6 +58,10 @@ pub struct SdfGrid {
     pub surface_rms_mm: f32,
     /// Box around the mesh, mm.
     pub bounds: ToolBox,
+    // of the places of the last nodes in cells; and cells per mm
+    last: Vec3,
+    per_mm: f32,
+    patches: Patches,
 }
 
 /// Every [`STRIDE`]-th node's value.
@@ -117,6 +122,9 @@ impl SdfGrid {
                 lo: lo.as_dvec3(),
                 hi: hi.as_dvec3(),
             },
+            last: Vec3::ZERO,
+            per_mm: 0.0,
+            patches: Patches::default(),
         };
         let extent = hi - lo + Vec3::splat(2.0 * MARGIN_MM);
         loop {
@@ -133,6 +141,8 @@ impl SdfGrid {
             }
             grid.spacing_mm *= 1.05;
         }
+        grid.last = Vec3::from_array(grid.dims.map(|n| (n - 1) as f32));
+        grid.per_mm = 1.0 / grid.spacing_mm;
         let [nx, ny, nz] = grid.dims.map(|n| (n - 1) / STRIDE + 1);
         let coarse = layers(nz, &|k| {
             grid.sample(mesh, [nx, ny], STRIDE, (k, &|_, _| None))
@@ -152,21 +162,47 @@ impl SdfGrid {
         if !grid.values.iter().any(|v| *v < 0) {
             return Err(MeshError::Thin(grid.spacing_mm));
         }
+        grid.finish(mesh, layers);
+        Ok(grid)
+    }
+
+    /// Closes holes, and finds what is known only when all values are there.
+    fn finish(&mut self, mesh: &Mesh, layers: &Layers<'_>) {
         let lids = if mesh.is_closed() {
             Bvh::default()
         } else {
-            grid.lids(mesh)
+            self.lids(mesh)
         };
         if !lids.triangles().is_empty() {
-            grid.values = layers(grid.dims[2], &|k| grid.with_lids(&lids, k)).concat();
+            self.values = layers(self.dims[2], &|k| self.with_lids(&lids, k)).concat();
         }
-        grid.check(mesh, &lids);
-        Ok(grid)
+        self.check(mesh, &lids);
+        self.patches = Patches::new(self);
     }
 
     /// Place of a node, mm.
     pub fn node(&self, [i, j, k]: [usize; 3]) -> Vec3 {
         self.origin + Vec3::new(i as f32, j as f32, k as f32) * self.spacing_mm
+    }
+
+    /// Value of a node, mm.
+    pub(crate) fn node_mm(&self, node: [usize; 3]) -> f32 {
+        f32::from(self.values[self.index(node)]) * UNIT_MM
+    }
+
+    /// The smooth piece about a point (tool frame, mm) that holds as far as `radius` mm around it, and
+    /// the point from its middle; within [`super::patches::TOLERANCE_MM`] of the grid's values.
+    pub(crate) fn patch(&self, p: Vec3, radius: f32) -> Option<(&Patch, Vec3)> {
+        self.patches.about(p, radius)
+    }
+
+    /// The value that carving gives a point `p` (mm) of a box about the point `middle`, of which no
+    /// point is farther from it than `radius`.
+    pub fn carved(&self, (middle, radius): (Vec3, f32), offset: Vec3, p: Vec3) -> f32 {
+        match self.patch(middle, radius) {
+            Some((patch, from)) => patch.at(from + offset),
+            None => self.signed_distance(p),
+        }
     }
 
     fn index(&self, [i, j, k]: [usize; 3]) -> usize {
@@ -176,34 +212,43 @@ impl SdfGrid {
     /// Signed distance at `p`, mm: trilinear on the grid; beyond it a lower bound, from the nearest
     /// point of the grid's box (the way to the box and the way from there to the tool are at least at
     /// right angles). A NaN gives a NaN or the value of a corner.
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "in a loop over the voxels of a line")]
     pub fn signed_distance(&self, p: Vec3) -> f32 {
-        let last = self.dims.map(|n| (n - 1) as f32);
-        let q = (p - self.origin) / self.spacing_mm;
-        let inside = q.clamp(Vec3::ZERO, Vec3::from_array(last));
-        let value = self.trilinear(inside);
-        let beyond = (q - inside).length() * self.spacing_mm;
-        if beyond > 0.0 {
-            let value = value.max(0.0);
-            (value * value + beyond * beyond).sqrt()
+        let q = (p - self.origin) * self.per_mm;
+        let inside = q.cmpge(Vec3::ZERO) & q.cmple(self.last);
+        if inside.all() {
+            self.trilinear(q)
         } else {
-            value
+            self.outside(q)
         }
     }
 
+    #[cold]
+    fn outside(&self, q: Vec3) -> f32 {
+        let inside = q.clamp(Vec3::ZERO, self.last);
+        let value = self.trilinear(inside).max(0.0);
+        let beyond = (q - inside).length() * self.spacing_mm;
+        (value * value + beyond * beyond).sqrt()
+    }
+
     // at grid coordinates inside the grid
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "in a loop over the voxels of a line")]
     fn trilinear(&self, q: Vec3) -> f32 {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "inside the grid; a NaN becomes 0"
+            reason = "inside the grid, of fewer than 2^25 nodes along an edge; a NaN becomes 0"
         )]
-        let at = |a: usize| (q[a] as usize).min(self.dims[a] - 2);
+        let at = |a: usize| (q[a] as i32 as usize).min(self.dims[a] - 2);
         let cell = [at(0), at(1), at(2)];
         let t = q - Vec3::new(cell[0] as f32, cell[1] as f32, cell[2] as f32);
-        let first = self.index(cell);
         let (row, layer) = (self.dims[0], self.dims[0] * self.dims[1]);
+        let first = cell[2] * layer + cell[1] * row + cell[0];
         let along = |n: usize| {
-            let (a, b) = (f32::from(self.values[n]), f32::from(self.values[n + 1]));
+            let pair = &self.values[n..n + 2];
+            let (a, b) = (f32::from(pair[0]), f32::from(pair[1]));
             a + (b - a) * t.x
         };
         let face = |n: usize| {

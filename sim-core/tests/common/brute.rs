@@ -12,34 +12,51 @@ use osteon_sim_core::tool::Shape;
 use osteon_sim_core::tool::revolved::Form;
 use osteon_sim_core::tool::sdf_grid::SdfGrid;
 
-/// The square of a distance as a function of δ.
+/// The square of a distance as a function of δ, or a share of it.
 #[derive(Clone, Copy)]
 struct Square {
     base: f32,
     twice: [f32; 3],
+    share: f32,
 }
+
+/// Radius from which a ball or cylinder is wide, bands.
+const WIDE: f64 = 18.5;
 
 impl Square {
     fn new(w: DVec3) -> Self {
         Self {
             base: w.length_squared() as f32,
             twice: (2.0 * w).as_vec3().to_array(),
+            share: 1.0,
+        }
+    }
+
+    /// (q − R²)/2R.
+    fn less(w: DVec3, radius: f64) -> Self {
+        let share = 0.5 / radius;
+        Self {
+            base: ((w.length_squared() - radius * radius) * share) as f32,
+            twice: (2.0 * share * w).as_vec3().to_array(),
+            share: share as f32,
         }
     }
 
     fn moved(self, o: [f32; 3]) -> Self {
         let t = self.twice;
-        let o2 = (o[0] * o[0] + o[1] * o[1]) + o[2] * o[2];
+        let o2 = self.share * ((o[0] * o[0] + o[1] * o[1]) + o[2] * o[2]);
         Self {
             base: self.base + ((t[0] * o[0] + t[1] * o[1]) + (t[2] * o[2] + o2)),
-            twice: [0, 1, 2].map(|a| t[a] + 2.0 * o[a]),
+            twice: [0, 1, 2].map(|a| t[a] + 2.0 * self.share * o[a]),
+            share: self.share,
         }
     }
 
     fn at(self, d: [f32; 3]) -> f32 {
         let t = self.twice;
-        let flat = ((self.base + t[0] * d[0]) + t[1] * d[1]) + (d[0] * d[0] + d[1] * d[1]);
-        flat + (t[2] * d[2] + d[2] * d[2])
+        let xy2 = self.share * (d[0] * d[0] + d[1] * d[1]);
+        let flat = ((self.base + t[0] * d[0]) + t[1] * d[1]) + xy2;
+        flat + (t[2] * d[2] + self.share * (d[2] * d[2]))
     }
 }
 
@@ -49,9 +66,26 @@ enum Near {
     Cone(f32, f32, f32),
     Ball(Square, f32),
     Ring(f32, f32, f32),
+    WideBall(Square, [f32; 2]),
+    WideCylinder(Square, [f32; 2]),
 }
 
-fn near(form: Form, bend: f64, units: f64, (middle, axis, foot): (DVec3, DVec3, f64)) -> Near {
+/// e (1 − e (m/2R − e/2R²)).
+fn wide(e: f32, [a, b]: [f32; 2]) -> f32 {
+    e * (1.0 - e * (a - b * e))
+}
+
+/// m/2R and 1/2R² of a wide face, whose radius is given in units; `None` where it is not wide.
+fn wide_by(radius: f64, band: f64) -> Option<[f32; 2]> {
+    let m = 1.0 + 3.75 * (0.5 * band / radius) * (0.5 * band / radius);
+    let numbers = [0.5 * m / radius, 0.5 / (radius * radius)].map(|v| v as f32);
+    (radius >= WIDE * band).then_some(numbers)
+}
+
+fn near(form: Form, grid: &Grid, units: f64, (middle, axis, foot): (DVec3, DVec3, f64)) -> Near {
+    // the band in units, as the kernel has it
+    let band = f64::from((grid.band_mm() * units) as f32);
+    let bend = grid.mean_square_spacing();
     let len = |mm: f32| f64::from(mm) * units;
     let grown = form.grown_mm(bend) * units;
     match form {
@@ -64,15 +98,24 @@ fn near(form: Form, bend: f64, units: f64, (middle, axis, foot): (DVec3, DVec3, 
             normal_z,
             offset_mm,
         } => {
-            let c = len(offset_mm) + grown - f64::from(normal_z) * foot;
+            let radius = len(offset_mm) + grown;
+            if let Some(numbers) = wide_by(radius, band)
+                && normal_z == 0.0
+            {
+                return Near::WideCylinder(Square::less(middle - foot * axis, radius), numbers);
+            }
+            let c = radius - f64::from(normal_z) * foot;
             Near::Cone(normal_r, normal_z, c as f32)
         }
         Form::Ball {
             radius_mm,
             centre_mm,
         } => {
-            let square = Square::new(middle - len(centre_mm) * axis);
-            Near::Ball(square, (len(radius_mm) + grown) as f32)
+            let (w, radius) = (middle - len(centre_mm) * axis, len(radius_mm) + grown);
+            match wide_by(radius, band) {
+                Some(numbers) => Near::WideBall(Square::less(w, radius), numbers),
+                None => Near::Ball(Square::new(w), radius as f32),
+            }
         }
         Form::Ring {
             disc_mm,
@@ -136,11 +179,12 @@ fn faced_brick(
     let o: [f32; 3] = std::array::from_fn(|n| h[n] * (corner[n] as f32 - 15.5));
     let square = Square::new(middle - foot * axis).moved(o);
     let z0 = (a[0] * o[0] + a[1] * o[1]) + a[2] * o[2];
-    let bend = grid.mean_square_spacing();
     let faces: Vec<Vec<Near>> = (parts.iter())
         .map(|part| {
-            let at = |&form: &Form| match near(form, bend, units, (middle, axis, foot)) {
+            let at = |&form: &Form| match near(form, grid, units, (middle, axis, foot)) {
                 Near::Ball(square, radius) => Near::Ball(square.moved(o), radius),
+                Near::WideBall(square, numbers) => Near::WideBall(square.moved(o), numbers),
+                Near::WideCylinder(foot, numbers) => Near::WideCylinder(foot.moved(o), numbers),
                 other => other,
             };
             part.iter().map(at).collect()
@@ -155,6 +199,8 @@ fn faced_brick(
             Near::Plane(sign, c) => sign * z - c,
             Near::Cone(n_r, n_z, c) => (n_r * r + n_z * z) - c,
             Near::Ball(square, radius) => square.at(d).max(0.0).sqrt() - radius,
+            Near::WideBall(square, numbers) => wide(square.at(d), numbers),
+            Near::WideCylinder(foot, numbers) => wide(foot.at(d) - foot.share * z * z, numbers),
             Near::Ring(disc, centre, radius) => {
                 let (beyond, dz) = ((r - disc).max(0.0), z - centre);
                 (beyond * beyond + dz * dz).sqrt() - radius
@@ -183,10 +229,17 @@ fn sampled_brick(
         .point(grid.centre(first[0], first[1], first[2]))
         .as_vec3();
     let units = 1.0 / grid.quantum_mm();
+    let radius = (DVec3::new(1.5, 1.5, 0.5) * h).length() as f32;
     for n in 0..512 {
         let v = voxel_in_brick(n).map(|v| v as f32);
         let at = ((p + step[0] * v[0]) + step[1] * v[1]) + step[2] * v[2];
-        put(voxel_in_brick(n), samples.signed_distance(at) * units);
+        let o = line_origin(n / 32).map(|v| v as f32);
+        let across = (p + step[0] * (o[0] + 1.5)) + step[1] * (o[1] + 1.5);
+        let middle = across + step[2] * (o[2] + 0.5);
+        let by = [v[0] - o[0] - 1.5, v[1] - o[1] - 1.5, v[2] - o[2] - 0.5];
+        let offset = (step[0] * by[0] + step[1] * by[1]) + step[2] * by[2];
+        let value = samples.carved((middle, radius), offset, at);
+        put(voxel_in_brick(n), value * units);
     }
 }
 

@@ -4,7 +4,7 @@ use super::device::FINE;
 use super::guided::Guided;
 use super::peers::capped::directions;
 use super::setup::{Scene, Spec, ball, bone_of};
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use osteon_sim_core::pose::Pose;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -20,8 +20,10 @@ const FROM_MM: f64 = 0.2;
 pub struct SymmetryRow {
     /// Of the plunge, not of unit length.
     pub direction: [i8; 3],
-    /// Mean size of the force across the plunge over the mean along it.
+    /// Mean force across the plunge over the mean along it.
     pub lateral_over_axial: f64,
+    /// The mean of its size in each tick over the same: what wobbles is in it, too.
+    pub wobble_over_axial: f64,
     /// Centroid of what was removed off the axis, mm.
     pub centroid_off_axis_mm: f64,
 }
@@ -45,12 +47,13 @@ pub fn symmetry_row(direction: [i8; 3]) -> SymmetryRow {
     let mut guided = Guided::new(&spec, DVec3::Z * 6.0, true);
     guided.glide(DVec3::ZERO, 20.0);
     guided.push_up_to(push, 0.05);
-    let (mut across, mut along) = (0.0, 0.0);
+    let (mut across, mut wobble, mut along) = (DVec2::ZERO, 0.0, 0.0);
     for _ in 0..5000 {
         guided.push(push);
         let depth = -guided.proxy_mm().z;
         if depth > FROM_MM {
-            across += guided.coupling_n().truncate().length();
+            across += guided.coupling_n().truncate();
+            wobble += guided.coupling_n().truncate().length();
             along += guided.coupling_n().z;
         }
         if depth > DEPTH_MM {
@@ -61,7 +64,8 @@ pub fn symmetry_row(direction: [i8; 3]) -> SymmetryRow {
     let centroid = guided.removed_centroid();
     SymmetryRow {
         direction,
-        lateral_over_axial: across / along,
+        lateral_over_axial: across.length() / along,
+        wobble_over_axial: wobble / along,
         centroid_off_axis_mm: centroid.map_or(f64::NAN, |c| c.truncate().length()),
     }
 }

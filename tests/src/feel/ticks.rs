@@ -8,8 +8,12 @@ use crate::measure::intrinsic::{Quantiles, Replay, Subject, Timing, interleaved}
 use crate::scenes::bones;
 use anyhow::Result;
 use glam::DVec3;
+use osteon_firmware_bridge::scene::{SceneArgs, load};
+use osteon_sim_core::bone::Bone;
+use osteon_sim_core::pose::Pose;
 use osteon_sim_core::servo::{Request, Servo};
-use osteon_sim_core::tool::Tool;
+use osteon_sim_core::tool::revolved::Revolved;
+use osteon_sim_core::tool::{STEEL, Tool};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -92,13 +96,57 @@ pub fn row(scene: &str, voxel_mm: f64, spec: &Spec, bench: &Bench) -> TickRow {
     }
 }
 
-/// The built-in scapula reamed by a firm grip that wobbles by 5°.
+/// A reamer of about 500 elements: the standard dome with a taller flank.
+fn reamer() -> Tool {
+    Tool::revolved(
+        ["Reamer of 500 elements", "reamer_500"],
+        Revolved::dome([18.0, 30.0, 20.0]),
+        (1000.0, 6),
+        STEEL,
+    )
+}
+
+/// The built-in scapula reamed.
 pub fn scapula(voxel_mm: f64) -> Result<TickRow> {
     let built = bones::scapula(voxel_mm, 1.0)?;
+    Ok(reamed(
+        "built-in scapula, reamer",
+        voxel_mm,
+        built.bone,
+        built.bone_from_plan,
+    ))
+}
+
+/// The patient's scapula reamed; `None`, said aloud, where the data are missing.
+pub fn patient(voxel_mm: f64) -> Result<Option<TickRow>> {
+    let Some(folder) = crate::data("time of a tick on the patient's scapula") else {
+        return Ok(None);
+    };
+    let args = SceneArgs {
+        bone: Some(folder.join("right_shoulder_ct.nii.gz")),
+        labels: Some(folder.join("right_shoulder_labels.nii.gz")),
+        keep: vec![1],
+        pose: Some(folder.join("right_glenoid_pose.json")),
+        threshold: 120.0,
+        voxel_mm: Some(voxel_mm),
+        ..SceneArgs::default()
+    };
+    let scene = load(&args, &mut |_, _| {})?;
+    let bone = Arc::unwrap_or_clone(scene.bone);
+    Ok(Some(reamed(
+        "patient's scapula, reamer",
+        voxel_mm,
+        bone,
+        scene.bone_from_plan,
+    )))
+}
+
+/// Reamed by a firm grip that wobbles by 5°.
+fn reamed(name: &str, voxel_mm: f64, bone: Bone, bone_from_plan: Pose) -> TickRow {
     let scene = Scene {
-        bone: Arc::new(built.bone),
-        bone_from_base: built.bone_from_plan,
-        tools: vec![Tool::glenoid_reamer()],
+        bone: Arc::new(bone),
+        bone_from_base: bone_from_plan,
+        tools: vec![reamer()],
     };
     let spec = Spec::at(scene).with(Hand::GRIP, 1);
     let mut bench = Bench::new(&spec);
@@ -117,5 +165,5 @@ pub fn scapula(voxel_mm: f64) -> Result<TickRow> {
         bench.device.point(DVec3::new(lean * s, lean * s * c, 1.0));
         bench.tick();
     }
-    Ok(row("scapula, reamer, wobbling", voxel_mm, &spec, &bench))
+    row(name, voxel_mm, &spec, &bench)
 }

@@ -186,6 +186,8 @@ pub fn build(grid: Grid, bone_from_plan: Pose, body: &impl Body) -> Result<Built
         }
     }
     ensure!(solid_voxels > 0, "no voxel of the bone is solid");
+    // as when a session loads a bone
+    bone.index_lines();
     Ok(BuiltBone {
         bone,
         bone_from_plan,

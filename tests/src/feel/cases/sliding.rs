@@ -71,7 +71,6 @@ pub(super) fn edges() -> Case {
         .collect();
     let (mut step, mut turn) = (Worst::default(), Worst::default());
     for (name, depth, (n, degrees)) in found {
-        eprintln!("DBG {name} {depth} {n:.3} {degrees:.1}");
         let place = || format!("{name}, {depth} mm deep");
         step.note(n, place);
         turn.note(degrees, place);

@@ -153,6 +153,7 @@ fn sides_table(rows: &[SymmetryRow]) -> Table {
         &[
             "direction",
             "lateral/axial",
+            "wobble/axial",
             "centroid off axis mm",
             "ten a tick: lateral/axial",
             "ten a tick: off axis mm",
@@ -164,6 +165,7 @@ fn sides_table(rows: &[SymmetryRow]) -> Table {
         table.push([
             format!("({x}, {y}, {z})"),
             percent(Some(row.lateral_over_axial)),
+            percent(Some(row.wobble_over_axial)),
             short(Some(row.centroid_off_axis_mm)),
             percent(Some(peer.lateral_share)),
             short(Some(peer.off_axis_mm)),

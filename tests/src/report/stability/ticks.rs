@@ -2,18 +2,17 @@
 
 use super::Output;
 use crate::feel::ripple::{RippleRow, ball_of, slide_with};
-use crate::feel::ticks::{TickRow, row, scapula};
+use crate::feel::ticks::{TickRow, patient, row, scapula};
 use crate::measure::intrinsic;
 use crate::report::Machine;
 use crate::report::plot::{Plot, Point};
 use crate::report::table::{Table, percent, short};
 use anyhow::Result;
-use osteon_sim_core::tool::MAX_ELEMENTS;
 use serde::Serialize;
 
 /// Voxels of the scapula, mm.
 const VOXELS_MM: [f64; 2] = [0.5, 0.235];
-/// Elements tried; the servo takes at most [`MAX_ELEMENTS`].
+/// Elements tried; the tools are made with about 500 at most.
 const ELEMENTS: [u16; 7] = [50, 100, 200, 500, 1000, 2000, 5000];
 
 /// A number of elements and what it gives.
@@ -36,15 +35,13 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
     let mut rows = Vec::new();
     for voxel in VOXELS_MM {
         out.stage(&format!("{voxel} mm"));
+        rows.extend(patient(voxel)?);
         rows.push(scapula(voxel)?);
     }
     out.section("tick_us", &rows)?;
     out.table(&ticks_table(&rows))?;
     let mut elements = Vec::new();
-    for count in ELEMENTS
-        .into_iter()
-        .filter(|n| usize::from(*n) <= MAX_ELEMENTS)
-    {
+    for count in ELEMENTS {
         out.stage(&format!("{count} elements"));
         elements.push(element_row(count));
     }
@@ -70,7 +67,7 @@ fn element_row(elements: u16) -> ElementRow {
 fn ticks_table(rows: &[TickRow]) -> Table {
     let mut table = Table::new(
         "tick_us",
-        "Whole tick on the built-in scapula",
+        "Whole tick",
         "The reamer under 1.5 N, wobbling by 5°, for 6 s; the least of three replays for each tick, over the ticks with contact. *Raw*: all \
          replays, with the machine's noise.",
         &[
@@ -100,20 +97,18 @@ fn ticks_table(rows: &[TickRow]) -> Table {
 }
 
 fn elements_shown(out: &mut Output, rows: &[ElementRow]) -> Result<()> {
-    let note = format!(
-        "Ball of 6 mm over a plane tilted by 20°, 0.5 mm voxels. A tool has at most {MAX_ELEMENTS} elements."
-    );
+    let note = "Ball of 6 mm over a plane tilted by 20°, 0.5 mm voxels. The tools are made with about 500 at most.";
     let axes = ["tick, median, µs", "ripple, %"];
     let mut plot = Plot::new(
         "elements_plot",
         "Elements against ripple and time",
-        &note,
+        note,
         axes,
     );
     let mut table = Table::new(
         "elements",
         "Elements against ripple and time",
-        &note,
+        note,
         &["elements", "ripple", "mean/exact", "p50 µs", "p99 µs"],
     );
     for row in rows {
