@@ -114,9 +114,6 @@ impl OutputChain {
         if acted {
             self.counts.note(Guard::Passivity);
         }
-        if self.thermal.is_hot(&self.guard) {
-            self.counts.note(Guard::Thermal);
-        }
         self.last_n = self.clamp(force, limit);
         self.last_n = self.slew(self.last_n);
         self.shown_n = self.last_n;
@@ -166,7 +163,9 @@ impl OutputChain {
     fn clamp(&mut self, force: DVec3, limit: f64) -> DVec3 {
         let length = force.length();
         if length > limit {
-            self.counts.note(Guard::Clamp);
+            let hot = limit < self.user_limit_n * self.ramp;
+            self.counts
+                .note(if hot { Guard::Thermal } else { Guard::Clamp });
             force * (limit / length)
         } else {
             force

@@ -45,6 +45,8 @@ const GRIP_MM: f64 = 1e-3;
 const STEEPEST: f64 = 1.733;
 /// A spindle below this share of its full speed counts as standing.
 pub const STANDING_SHARE: f64 = 0.1;
+/// … and one that is slower than this, rad/s, whatever its full speed.
+pub const STANDING_RAD_S: f64 = 0.1;
 
 /// The elements in reach of the bone, and the memory of which cutting elements hold it. Allocates
 /// only when made.
@@ -72,10 +74,10 @@ pub struct ToolState<'a> {
 }
 
 impl ToolState<'_> {
-    /// Whether it cuts: above [`STANDING_SHARE`] of full speed.
+    /// Whether it cuts: above [`STANDING_SHARE`] of full speed and [`STANDING_RAD_S`].
     pub fn turns(&self) -> bool {
         let full = self.tool.rpm * core::f64::consts::TAU / 60.0;
-        self.omega_rad_s > STANDING_SHARE * full
+        self.omega_rad_s > (STANDING_SHARE * full).max(STANDING_RAD_S)
     }
 }
 

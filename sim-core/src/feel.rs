@@ -146,7 +146,7 @@ impl Default for Feel {
                 continuous_n: 0.88,
                 thermal_s: 30.0,
                 start_ramp_s: 1.0,
-                gap_ramp_s: 0.05,
+                gap_ramp_s: 0.07,
                 vibration_n: 0.25,
                 acceleration_mm_ms2: 0.7,
             },

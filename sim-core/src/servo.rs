@@ -247,7 +247,7 @@ impl Servo {
         };
         self.chain
             .passivity
-            .observe(self.intake.angles(), applied - buzz);
+            .observe(self.intake.angles(), applied - buzz, buzz);
     }
 
     fn press_buttons(&mut self, buttons: u8) {

@@ -16,11 +16,11 @@ pub enum Guard {
     Unsolved,
     /// The loop had made energy: the passivity controller damped it.
     Passivity,
-    /// The force limit.
+    /// The force limit of the user, or of a ramp.
     Clamp,
     /// The rise of the force was slowed down.
     Slew,
-    /// The motors are hot: the limit is lowered.
+    /// The limit that the motors' heat has lowered.
     Thermal,
     /// Samples were missing for so long that the force was reduced.
     Hold,

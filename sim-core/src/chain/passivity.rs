@@ -31,8 +31,8 @@ const SURPLUS_MJ: f64 = 0.1;
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Passivity {
     energy_mj: f64,
-    // angles, rad, and torque in force since, N·mm
-    last: Option<(DVec3, DVec3)>,
+    // angles, rad, torque in force since, N·mm, and the vibration's beside it
+    last: Option<(DVec3, DVec3, DVec3)>,
 }
 
 impl Passivity {
@@ -47,17 +47,19 @@ impl Passivity {
     }
 
     /// A sample: joint angles, rad, and the torque in force from it on without what lies outside the
-    /// account (vibration), N·mm.
-    pub fn observe(&mut self, angles: DVec3, applied_nmm: DVec3) {
-        if let Some((before, torque)) = self.last {
+    /// account, and that (vibration), N·mm. A stylus that vibrates crosses counts of its encoders back and
+    /// forth, and each makes energy as counting does: up to the vibration's torque times a count that is
+    /// the vibration's doing.
+    pub fn observe(&mut self, angles: DVec3, applied_nmm: DVec3, buzz_nmm: DVec3) {
+        if let Some((before, torque, buzz)) = self.last {
             let work = torque.dot(angles - before);
             if work.is_finite() {
                 self.energy_mj -= work;
                 let counted = (angles - before).abs().min(DVec3::splat(COUNT_RAD));
-                self.energy_mj += FRICTION_NMM * counted.element_sum();
+                self.energy_mj += (buzz.abs() + FRICTION_NMM).dot(counted);
             }
         }
-        self.last = Some((angles, applied_nmm));
+        self.last = Some((angles, applied_nmm, buzz_nmm));
     }
 
     /// The coupling stores `stored_mj` at the stylus now (0 out of contact): what is more than that, and
@@ -116,7 +118,7 @@ mod tests {
         let path = (0..=n).chain((0..n).rev());
         for i in path {
             let x = f64::from(i) * step;
-            observer.observe(DVec3::X * x, DVec3::X * (-k * x));
+            observer.observe(DVec3::X * x, DVec3::X * (-k * x), DVec3::ZERO);
         }
         let made = k * step * step * f64::from(n);
         let burnt = 2.0 * FRICTION_NMM * step * f64::from(n);
@@ -132,8 +134,8 @@ mod tests {
         let guard = Feel::default().guard;
         let mut observer = Passivity::default();
         // 100 N·mm through 0.0002 rad, of which a smooth arm's friction burns 2.7 N·mm
-        observer.observe(DVec3::ZERO, DVec3::X * 100.0);
-        observer.observe(DVec3::X * 0.0002, DVec3::ZERO);
+        observer.observe(DVec3::ZERO, DVec3::X * 100.0, DVec3::ZERO);
+        observer.observe(DVec3::X * 0.0002, DVec3::ZERO, DVec3::ZERO);
         let made = 0.0002 * (100.0 - FRICTION_NMM);
         assert!((observer.energy_mj() + made).abs() < 1e-12);
         let still = (DVec3::ZERO, 0.0);
@@ -157,20 +159,20 @@ mod tests {
     #[test]
     fn a_surplus_is_not_kept_and_what_is_stored_is() {
         let mut observer = Passivity::default();
-        observer.observe(DVec3::ZERO, DVec3::X * -1000.0);
-        observer.observe(DVec3::X * 0.005, DVec3::X * 1000.0);
+        observer.observe(DVec3::ZERO, DVec3::X * -1000.0, DVec3::ZERO);
+        observer.observe(DVec3::X * 0.005, DVec3::X * 1000.0, DVec3::ZERO);
         assert!(observer.energy_mj() > 5.0);
         observer.settle(2.0);
         assert!((observer.energy_mj() - 2.0 - SURPLUS_MJ).abs() < 1e-12);
         observer.settle(-1.0);
         assert!((observer.energy_mj() - SURPLUS_MJ).abs() < 1e-12);
         // a deficit stays
-        observer.observe(DVec3::X * 0.006, DVec3::ZERO);
+        observer.observe(DVec3::X * 0.006, DVec3::ZERO, DVec3::ZERO);
         let made = observer.energy_mj();
         assert!(made < -0.8, "{made}");
         observer.settle(5.0);
         assert!((observer.energy_mj() - made).abs() < 1e-15);
-        observer.observe(DVec3::NAN, DVec3::ZERO);
+        observer.observe(DVec3::NAN, DVec3::ZERO, DVec3::ZERO);
         assert!(observer.energy_mj().is_finite());
     }
 }

@@ -41,11 +41,6 @@ impl Thermal {
         let over = ((self.mean_square - begin) / (end - begin)).clamp(0.0, 1.0);
         most_n + (lowest - most_n) * over
     }
-
-    /// Whether the limit is lowered.
-    pub fn is_hot(self, guard: &GuardFeel) -> bool {
-        self.mean_square > SHARES[0] * guard.continuous_n * guard.continuous_n
-    }
 }
 
 #[cfg(test)]

@@ -204,7 +204,7 @@ pub const FIELDS: &[Field] = &[
         "guard.gap_ramp_s",
         "s",
         [0.01, 5.0],
-        "the device's own re-arming time",
+        "3.3 N at no more than 0.05 N in a tick",
         |feel| &mut feel.guard.gap_ramp_s,
     ),
     field(

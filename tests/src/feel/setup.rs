@@ -81,6 +81,18 @@ pub fn bone_of(
     density: f64,
     distance: impl Fn(DVec3) -> f64,
 ) -> Arc<Bone> {
+    layered(extent_mm, spacing_mm, |p| {
+        (distance(p), density, Tissue::Cancellous)
+    })
+}
+
+/// A bone of which `matter(point in the bone frame)` says the signed distance, mm, positive inside, the
+/// density, g/cm³, and the class.
+pub fn layered(
+    extent_mm: DVec3,
+    spacing_mm: DVec3,
+    matter: impl Fn(DVec3) -> (f64, f64, Tissue),
+) -> Arc<Bone> {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -89,18 +101,25 @@ pub fn bone_of(
     let dims = (extent_mm / spacing_mm).to_array().map(|n| n as usize + 1);
     let grid = Grid::new(dims, spacing_mm).expect("a valid lattice");
     let mut solid = vec![0.0f32; grid.len()];
+    let mut hu = vec![0i16; grid.len()];
+    let mut class = vec![0; grid.len()];
     for k in 0..dims[2] {
         for j in 0..dims[1] {
             for i in 0..dims[0] {
-                #[expect(clippy::cast_possible_truncation, reason = "fields are f32")]
-                let value = distance(grid.centre(i, j, k)) as f32;
-                solid[grid.dense_index(i, j, k)] = value;
+                let (distance, density, tissue) = matter(grid.centre(i, j, k));
+                let at = grid.dense_index(i, j, k);
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    reason = "fields are f32 and i16; the casts saturate"
+                )]
+                {
+                    solid[at] = distance as f32;
+                    hu[at] = hu_of_density(density).round() as i16;
+                }
+                class[at] = tissue as u8;
             }
         }
     }
-    #[expect(clippy::cast_possible_truncation, reason = "the cast saturates")]
-    let hu = vec![hu_of_density(density).round() as i16; grid.len()];
-    let class = vec![Tissue::Cancellous as u8; grid.len()];
     let label = vec![1; grid.len()];
     let dense = DenseBone {
         density_hu: &hu,
@@ -109,6 +128,31 @@ pub fn bone_of(
         label: &label,
     };
     Arc::new(Bone::from_dense(grid, Pose::IDENTITY, &dense).expect("a bone"))
+}
+
+/// A flat bone of one density in which a tool already stands, its tip `depth_mm` below the face and its
+/// origin the base frame's: engaged all over. The base's axes are the lattice's.
+pub fn socket(
+    tool: &Tool,
+    extent_mm: DVec3,
+    depth_mm: f64,
+    density: f64,
+    spacing_mm: f64,
+) -> Scene {
+    let foot = DVec3::new(
+        0.5 * extent_mm.x,
+        0.5 * extent_mm.y,
+        extent_mm.z - depth_mm - 2.0,
+    ) + DVec3::new(0.01, 0.02, 0.03);
+    let bone = bone_of(extent_mm, DVec3::splat(spacing_mm), density, |p| {
+        let own = f64::from(tool.shape.signed_distance((p - foot).as_vec3()));
+        own.min(foot.z + depth_mm - p.z)
+    });
+    Scene {
+        bone,
+        bone_from_base: Pose::new(DQuat::IDENTITY, foot),
+        tools: vec![tool.clone()],
+    }
 }
 
 /// A ball that cuts all over, mm; its apex is the tool's origin.

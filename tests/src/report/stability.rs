@@ -5,6 +5,7 @@
 mod ablation;
 mod forces;
 mod impact;
+mod law;
 mod map;
 mod output;
 mod peers;
@@ -44,6 +45,8 @@ pub enum Part {
     Map,
     /// Taps, dropped frames, broken samples, energy
     Impact,
+    /// Feed, energy, rate and symmetry of a cut
+    Law,
     /// Ripple while sliding over oblique planes
     Ripple,
     /// The cutting law beside published forces
@@ -57,10 +60,11 @@ pub enum Part {
 }
 
 impl Part {
-    const ALL: [Self; 8] = [
+    const ALL: [Self; 9] = [
         Self::Cases,
         Self::Map,
         Self::Impact,
+        Self::Law,
         Self::Ripple,
         Self::Forces,
         Self::Peers,
@@ -73,6 +77,7 @@ impl Part {
             Self::Cases => "cases",
             Self::Map => "map",
             Self::Impact => "impact",
+            Self::Law => "law",
             Self::Ripple => "ripple",
             Self::Forces => "forces",
             Self::Peers => "peers",
@@ -86,6 +91,7 @@ impl Part {
             Self::Cases => cases(out),
             Self::Map => map::run(out),
             Self::Impact => impact::run(out),
+            Self::Law => law::run(out),
             Self::Ripple => ripple::run(out),
             Self::Forces => forces::run(out),
             Self::Peers => peers::run(out),

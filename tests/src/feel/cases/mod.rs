@@ -3,16 +3,22 @@
 //! A case's criterion is never weaker than what was asked for. Where what was asked for cannot be meant
 //! so, the case says why and what it judges instead.
 
+mod buzz;
 pub mod carving;
+mod cutting;
 pub mod gaps;
 pub mod heat;
 pub mod impact;
 pub mod meshes;
 pub mod numbers;
 mod odd;
+mod plates;
 pub mod press;
 pub mod sizes;
+mod sliding;
+mod start;
 pub mod viewers;
+mod wedge;
 pub mod wire;
 
 use serde::Serialize;
@@ -42,12 +48,27 @@ pub const CASES: &[(u8, Measure)] = &[
     (3, press::onset),
     (4, impact::taps),
     (5, impact::saturated),
+    (6, plates::plates),
+    (7, sliding::edges),
+    (8, sliding::oblique),
+    (9, sliding::chunk_borders),
+    (10, sliding::grazing),
+    (11, start::appears_inside),
+    (12, start::spindle_on_at_rest),
+    (13, start::spindle_off_in_mid_cut),
     (14, gaps::dropped_frames),
     (15, gaps::jitter),
     (16, gaps::glitch),
     (17, wire::no_numbers),
     (18, wire::same_pose),
     (19, numbers::denormals),
+    (20, cutting::layers),
+    (21, cutting::stall),
+    (22, cutting::feed),
+    (23, cutting::spindle_speeds),
+    (24, cutting::explicit_limit),
+    (25, wedge::pegs),
+    (26, wedge::narrow_walls),
     (27, carving::borders),
     (28, carving::larger_tool),
     (29, carving::ties),
@@ -63,6 +84,7 @@ pub const CASES: &[(u8, Measure)] = &[
     (39, wire::time_back),
     (40, numbers::degenerate_volumes),
     (41, heat::minute_at_the_limit),
+    (42, buzz::vibration),
 ];
 
 /// The case with a number, measured now; `None` where there is none.

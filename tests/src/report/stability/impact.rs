@@ -27,7 +27,7 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
     out.table(&broken_table(&broken))?;
     out.stage("energy");
     let energy = energies(&Spec::flat());
-    out.section("energy", &energy)?;
+    out.section("press_energy", &energy)?;
     out.table(&energy_table(&energy))
 }
 
@@ -143,7 +143,7 @@ fn broken_table(rows: &[GlitchRow]) -> Table {
 
 fn energy_table(rows: &[EnergyRow]) -> Table {
     let mut table = Table::new(
-        "energy",
+        "press_energy",
         "Energy of a press",
         "Counted at the plant over 10 s from the touch. *Least*: the most that the motors had given beyond what they took.",
         &["hand", "delay, ticks", "absorbed mJ", "least mJ"],
