@@ -13,7 +13,7 @@ pub const RELIEF_MM: f32 = 0.05;
 /// The golden angle, rad.
 const GOLDEN_ANGLE: f32 = 2.399_963_2;
 /// Area per cutting element, mm², and fewest and most of them on a tool.
-const CUTTING: (f32, u16, u16) = (3.5, 64, 320);
+const CUTTING: (f32, u16, u16) = (3.5, 240, 320);
 /// The same for smooth elements.
 const SMOOTH: (f32, u16, u16) = (4.0, 96, 176);
 /// Fewest elements of an exposed piece: a ring of three would leave a tool room to slip between.
