@@ -421,7 +421,10 @@ fn a_clutch_is_let_go_for_a_viewer_that_has_gone() {
     stop(&mut good, &mut mirror);
     assert!(haptics.wait(LIMIT).success());
     let report = json(&dir.join("report.json"));
-    assert_eq!(report["guards"].as_object().map(|g| g.len()), Some(guards));
+    assert_eq!(
+        report["guards"].as_object().map(serde_json::Map::len),
+        Some(guards)
+    );
     assert!(number(&report, "/clutched_ticks") > 0.0);
     assert!(text(dir, "haptics.err").contains("viewer 'wrong'"));
 }
