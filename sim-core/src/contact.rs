@@ -12,7 +12,7 @@
 //! the limit that is shown); the sum runs over the tool's surface elements in reach. A cutting element is
 //! a Bingham medium: yield force `Y`, viscous term `V` over the time of the step. A smooth one, or any
 //! when the spindle stands, is rigid: `Y = 0`, `V` stiff, `o` the signed depth, `n` the bone's own normal.
-//! Strictly convex, so one minimum ([`solve`] finds it).
+//! Strictly convex, so one minimum (`contact/solve.rs` finds it).
 
 mod coupling;
 mod law;
@@ -212,7 +212,7 @@ impl Contacts {
         self.terms.set_time(time_s);
     }
 
-    /// The proxy's motion towards the device within `time_s` ([`solve`]); all of the way where nothing
+    /// The proxy's motion towards the device within `time_s`; all of the way where nothing
     /// is in reach.
     pub fn solve(&mut self, coupling: &Coupling, time_s: f64, guess: &Motion) -> Solution {
         if self.terms.is_empty() {

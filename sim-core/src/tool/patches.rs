@@ -1,8 +1,8 @@
 //! Quadratic patches of a sampled distance: where the distance is smooth, one polynomial stands for a
 //! ball of samples, and a line of voxels needs no look-up of its own.
 //!
-//! The grid is cut into cubes of [`EDGE`] cells. A cube near the surface gets the polynomial that fits
-//! the nodes in a ball about its middle best (least squares), in the largest of [`REACHES`] where no value
+//! The grid is cut into cubes of `EDGE` cells. A cube near the surface gets the polynomial that fits
+//! the nodes in a ball about its middle best (least squares), in the largest of `REACHES` where no value
 //! of the grid is farther than [`TOLERANCE_MM`] from it. Beside creases there is none.
 #![expect(
     clippy::cast_possible_truncation,
