@@ -303,6 +303,7 @@ impl Servo {
             return Reaction::NONE;
         }
         if self.workspace.is_clutched() {
+            self.cut_nmm = 0.0;
             return Reaction::NONE;
         }
         let omega = self.spindle.omega_rad_s();

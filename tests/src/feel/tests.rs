@@ -135,3 +135,14 @@ fn a_symmetric_plunge_has_no_side() {
         );
     }
 }
+
+#[test]
+fn a_light_touch_turns_gently_over_edges_and_corners() {
+    let [step, turn] = super::cases::sliding::edges_at(&[0.1]);
+    assert!(
+        step.value <= 0.3 && turn.value <= 15.0,
+        "{}; {}",
+        step.words("N"),
+        turn.words("°")
+    );
+}

@@ -15,7 +15,7 @@ mod odd;
 mod plates;
 pub mod press;
 pub mod sizes;
-mod sliding;
+pub(super) mod sliding;
 mod start;
 pub mod viewers;
 mod wedge;
@@ -95,8 +95,8 @@ pub fn case(id: u8) -> Option<Case> {
 
 /// The worst of several figures and where it was.
 #[derive(Debug, Clone, Default)]
-struct Worst {
-    value: f64,
+pub(super) struct Worst {
+    pub(super) value: f64,
     place: String,
 }
 
@@ -110,7 +110,7 @@ impl Worst {
     }
 
     /// "1.23 mm (where)".
-    fn words(&self, unit: &str) -> String {
+    pub(super) fn words(&self, unit: &str) -> String {
         let value = crate::report::table::short(Some(self.value));
         format!("{value} {unit} ({})", self.place)
     }
