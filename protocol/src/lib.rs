@@ -2,7 +2,7 @@
 //!
 //! * [`device`]: the link between the haptics process and a device (or its simulation): COBS frames
 //!   of at most 63 bytes with CRC-32C. `no_std`, no allocation: a microcontroller can use it.
-//!   [`frame`] makes the bytes.
+//!   [`frame`] makes the bytes, [`firmware`] is the device's side as a state machine.
 //! * [`ipc`] (feature `std`): the messages between the haptics process and a viewer.
 //!   [`ipc_frame`] makes the bytes, packs bone and cut, and checks every range on arrival.
 //!
@@ -15,6 +15,7 @@
 mod bytes;
 pub mod crc32c;
 pub mod device;
+pub mod firmware;
 mod fixed;
 pub mod frame;
 #[cfg(feature = "std")]

@@ -2,13 +2,14 @@
 //!
 //! No I/O and no clock: the pty loop drives it in real time, a lockstep test as fast as it can.
 
-use super::firmware::{Firmware, Sensors};
 use super::hand::{HAND_KG, Hand};
-use super::limits::PERIOD_MICROS;
 use super::plant::{ArmParameters, Plant, STEP_S, SUBSTEPS, gimbal_counts};
 use super::stroke::Stroke;
 use glam::DVec3;
 use osteon_protocol::device::{DeviceMessage, DriveState, HostMessage, StateFrame, switch};
+use osteon_protocol::firmware::limits::PERIOD_MICROS;
+use osteon_protocol::firmware::{Controller, DriveConfig, Firmware, Sensors};
+use osteon_protocol::frame::MAX_FRAME;
 use osteon_sim_core::omni;
 
 /// Ground truth at the sampling of one state frame.
@@ -35,7 +36,7 @@ pub struct Truth {
 /// The simulated device.
 #[derive(Debug, Clone)]
 pub struct Device {
-    firmware: Firmware,
+    controller: Controller,
     plant: Plant,
     hand: Hand,
     now_micros: u64,
@@ -55,7 +56,7 @@ impl Device {
         let bytes = seed.rotate_left(5).to_le_bytes();
         let power_up = [0, 2, 4].map(|at| i16::from_le_bytes([bytes[at], bytes[at + 1]]).into());
         let mut device = Self {
-            firmware: Firmware::new((seed & 0xffff_ffff) as u32, seed),
+            controller: Controller::new(DriveConfig::omni((seed & 0xffff_ffff) as u32), seed),
             plant: Plant::new(grip, power_up),
             hand: Hand::new(stroke),
             now_micros: 0,
@@ -68,7 +69,7 @@ impl Device {
 
     /// The drive.
     pub fn firmware(&self) -> &Firmware {
-        &self.firmware
+        self.controller.drive()
     }
 
     /// The hand.
@@ -86,14 +87,17 @@ impl Device {
         self.now_micros
     }
 
-    /// A frame came that was none.
+    /// A message came, other than as bytes of a frame, that was none.
     pub fn count_bad_frame(&mut self) {
-        self.firmware.count_bad_frame();
+        self.controller.count_bad_frame();
     }
 
     /// Moves arm and hand on by one period, with the torque that the drive set at its beginning.
     pub fn simulate(&mut self) {
-        let engaged = matches!(self.firmware.drive(), DriveState::Active | DriveState::Hold);
+        let engaged = matches!(
+            self.firmware().drive(),
+            DriveState::Active | DriveState::Hold
+        );
         self.hand.plan(1e-3, &self.plant.motion(), engaged);
         if !self.hand.docked() {
             self.plant.release();
@@ -108,16 +112,28 @@ impl Device {
 
     /// Takes one message from the host, after [`Self::simulate`] and before [`Self::tick`].
     pub fn receive(&mut self, message: HostMessage) -> Option<DeviceMessage> {
-        self.firmware
+        self.controller
             .receive(self.now_micros, message, &self.sensors)
+    }
+
+    /// Takes one byte of the cable, as [`Self::receive`] a message; what is returned is to be sent, empty
+    /// where there is no answer.
+    pub fn push<'a>(&mut self, byte: u8, out: &'a mut [u8; MAX_FRAME]) -> &'a [u8] {
+        self.controller
+            .push(self.now_micros, byte, &self.sensors, out)
     }
 
     /// One period of the drive: the torque for the next period, and the state to send.
     pub fn tick(&mut self) -> StateFrame {
-        let frame = self.firmware.tick(self.now_micros, &self.sensors);
-        self.plant
-            .set_drive(self.firmware.dac(), self.firmware.motors_on());
-        frame
+        self.tick_frame(&mut [0; MAX_FRAME]).0
+    }
+
+    /// As [`Self::tick`], with the state's frame for the cable.
+    pub fn tick_frame<'a>(&mut self, out: &'a mut [u8; MAX_FRAME]) -> (StateFrame, &'a [u8]) {
+        let sent = self.controller.tick(self.now_micros, &self.sensors, out);
+        let drive = self.controller.drive();
+        self.plant.set_drive(drive.dac(), drive.motors_on());
+        sent
     }
 
     /// Ground truth that belongs to the frame of the last [`Self::tick`].
@@ -128,7 +144,7 @@ impl Device {
             seq: frame.seq,
             gimbal_mm: motion.position,
             drive: frame.drive,
-            motors_on: self.firmware.motors_on(),
+            motors_on: self.firmware().motors_on(),
             torque_nmm: self.plant.torque_nmm(),
             hand_n: self.hand.force(&motion),
             segment: self.hand.segment(),
@@ -151,6 +167,8 @@ impl Device {
             switches: self.hand.buttons() | docked,
             at_stop: self.plant.at_stop(),
             temperature: self.plant.temperature(),
+            e_stop: false,
+            self_test_failed: false,
         }
     }
 }

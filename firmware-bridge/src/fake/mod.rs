@@ -1,14 +1,12 @@
 //! The simulated device `fake-omni`: a separate process with its own clock behind a serial pty.
 //!
-//! * [`firmware`]: the drive's state machine and watchdog; [`limits`]: its numbers.
+//! * [`osteon_protocol::firmware`]: the drive, the same that a microcontroller would run.
 //! * [`plant`]: the arm. [`hand`]: who holds it. [`stroke`]: what the hand is to do.
 //! * [`device`]: the three together, in device time.
 //! * [`port`]: the pty and its link name. [`truth`]: the ground truth file. [`mod@run`]: the process.
 
 pub mod device;
-pub mod firmware;
 pub mod hand;
-pub mod limits;
 pub mod plant;
 pub mod port;
 pub mod run;

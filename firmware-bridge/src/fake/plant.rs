@@ -6,9 +6,11 @@
 //! constants follow from link masses chosen so that each of the two arm joints shows 45 g at the
 //! stylus (8.0e-4 kg·m², the data sheet's apparent mass). Units inside: rad, kg, N·m, m, s.
 
-use super::limits::{COUNTS_PER_REV, GIMBAL_COUNTS_PER_REV, MICRO_NM_PER_COUNT};
 use core::f64::consts::TAU;
 use glam::{DMat3, DVec3};
+use osteon_protocol::firmware::limits::{
+    COUNTS_PER_REV, GIMBAL_COUNTS_PER_REV, MICRO_NM_PER_COUNT,
+};
 use osteon_sim_core::omni::{self, DOCK, JOINT_LIMITS, LINK_MM};
 
 /// Integration steps in each millisecond.

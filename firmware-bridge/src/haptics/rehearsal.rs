@@ -195,14 +195,20 @@ pub fn rehearse(ticks: u32, viewer: Viewer) -> Rehearsal {
         resync: Resync::new(&scene.bone, tools.clone()),
         panic_at_tick: None,
     };
-    let (mut beat, mut mirror) = (Beat::new(), Mirror::new(Arc::clone(&scene.bone), tools));
+    let (mut beat, mut mirror) = (
+        Beat::new(now_ns()),
+        Mirror::new(Arc::clone(&scene.bone), tools),
+    );
     for tick in 0..ticks.min(60_000) {
         let timing = Timing {
             started: now_ns(),
             late_ns: 0,
             skipped: 0,
         };
-        assert!(one_beat(&mut thread, &mut beat, &timing).is_ok(), "a beat");
+        assert!(
+            one_beat(&mut thread, &mut beat, &timing, &now_ns).is_ok(),
+            "a beat"
+        );
         drain(&mut records, &mut mirror, left(viewer, tick));
     }
     thread.servo.finish_carving();

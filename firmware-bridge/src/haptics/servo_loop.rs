@@ -56,7 +56,8 @@ pub(crate) struct Finished {
 }
 
 /// Loop-local state that outlives a tick.
-pub(super) struct Beat {
+#[derive(Debug, Clone)]
+pub(crate) struct Beat {
     tick: u64,
     command_seq: u16,
     last_ack: u16,
@@ -68,7 +69,7 @@ pub(super) struct Beat {
 
 /// Runs until `stop`, an error or a panic; then turns the motors off.
 pub(crate) fn run(mut thread: ServoThread, stop: &AtomicBool) -> Finished {
-    let mut beat = Beat::new();
+    let mut beat = Beat::new(now_ns());
     let outcome = catch_unwind(AssertUnwindSafe(|| {
         beat_until(&mut thread, &mut beat, stop)
     }));
@@ -132,7 +133,7 @@ fn beat_until(thread: &mut ServoThread, beat: &mut Beat, stop: &AtomicBool) -> E
             late_ns,
             skipped,
         };
-        if let Err(ending) = one_beat(thread, beat, &timing) {
+        if let Err(ending) = one_beat(thread, beat, &timing, &now_ns) {
             return ending;
         }
         deadline += (skipped + 1) * PERIOD_NS;
@@ -140,37 +141,40 @@ fn beat_until(thread: &mut ServoThread, beat: &mut Beat, stop: &AtomicBool) -> E
 }
 
 /// When a tick began.
-pub(super) struct Timing {
-    /// On the monotonic clock, ns.
-    pub(super) started: u64,
+pub(crate) struct Timing {
+    /// On the loop's clock, ns.
+    pub(crate) started: u64,
     /// After its own deadline, ns; whole periods of it were skipped.
-    pub(super) late_ns: u64,
+    pub(crate) late_ns: u64,
     /// How many.
-    pub(super) skipped: u64,
+    pub(crate) skipped: u64,
 }
 
 impl Beat {
-    /// Before the first tick.
-    pub(super) fn new() -> Self {
+    /// Before the first tick, at `now` ns.
+    pub(crate) fn new(now: u64) -> Self {
         Self {
             tick: 0,
             command_seq: 0,
             last_ack: 0,
             last_state: None,
-            last_state_ns: now_ns(),
+            last_state_ns: now,
             sent_ns: [0; 256],
         }
     }
 }
 
-pub(super) fn one_beat(
+/// One tick: the newest state in, one command out, a record. All that is timed takes `clock` (ns): the
+/// monotonic one in a session, a virtual one in lockstep; none of it changes what is sent.
+pub(crate) fn one_beat(
     thread: &mut ServoThread,
     beat: &mut Beat,
     timing: &Timing,
+    clock: &dyn Fn() -> u64,
 ) -> Result<(), Ending> {
     let started = timing.started;
     let fresh = thread.link.poll().map_err(Ending::Link)?;
-    let polled = now_ns();
+    let polled = clock();
     let roundtrip_ns = fresh.and_then(|state| acknowledge(beat, &state, started));
     if started.saturating_sub(beat.last_state_ns) > LOST_AFTER_NS {
         return Err(Ending::Silent);
@@ -185,8 +189,8 @@ pub(super) fn one_beat(
     if thread.panic_at_tick == Some(beat.tick) {
         induced_panic();
     }
-    let computed = now_ns();
-    let sent = send(thread, beat, &output);
+    let computed = clock();
+    let sent = send(thread, beat, &output, computed);
     let tick = TickRecord {
         tick: beat.tick,
         wake_ns: timing.late_ns,
@@ -222,7 +226,8 @@ pub(super) fn one_beat(
         ring_overflows: thread.resync.overflows(),
     };
     // what was carved is told even where the command did not go out
-    publish(thread, &output, epoch_before, tick, started);
+    let since = || clock().saturating_sub(started);
+    publish(thread, &output, epoch_before, tick, &since);
     beat.tick += 1;
     sent
 }
@@ -299,9 +304,14 @@ fn sample_of(state: &StateFrame, last_seq: u16) -> Sample {
     }
 }
 
-fn send(thread: &mut ServoThread, beat: &mut Beat, output: &TickOutput) -> Result<(), Ending> {
+fn send(
+    thread: &mut ServoThread,
+    beat: &mut Beat,
+    output: &TickOutput,
+    now: u64,
+) -> Result<(), Ending> {
     beat.command_seq = next_seq(beat.command_seq);
-    beat.sent_ns[usize::from(beat.command_seq & 0xff)] = now_ns();
+    beat.sent_ns[usize::from(beat.command_seq & 0xff)] = now;
     let command = CommandFrame {
         seq: beat.command_seq,
         state_seq: beat.last_state.map_or(0, |s| s.seq),
@@ -318,7 +328,7 @@ fn publish(
     output: &TickOutput,
     epoch_before: u32,
     mut tick: TickRecord,
-    started: u64,
+    since_start: &dyn Fn() -> u64,
 ) {
     let (records, resync, servo) = (&mut thread.records, &mut thread.resync, &thread.servo);
     if output.epoch != epoch_before {
@@ -343,7 +353,7 @@ fn publish(
         }
     }
     resync.copy_some(servo, output, records);
-    tick.duration_ns = now_ns().saturating_sub(started);
+    tick.duration_ns = since_start();
     if records.push(Record::Tick(tick)).is_err() {
         resync.count_lost_tick();
     }

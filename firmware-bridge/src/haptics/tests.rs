@@ -191,7 +191,7 @@ impl Pair {
                 resync: Resync::new(&bone, tools.clone()),
                 panic_at_tick: None,
             },
-            beat: Beat::new(),
+            beat: Beat::new(now_ns()),
             records,
             requests,
             mirror: Mirror::new(bone, tools),
@@ -205,7 +205,7 @@ impl Pair {
                 late_ns: 0,
                 skipped: 0,
             };
-            one_beat(&mut self.thread, &mut self.beat, &timing).expect("a tick");
+            one_beat(&mut self.thread, &mut self.beat, &timing, &now_ns).expect("a tick");
         }
     }
 

@@ -3,8 +3,8 @@
 //! Runs before the servo loop begins, so it may wait; every wait has an end and its own error.
 
 use super::LinkError;
+use super::inbox::Arrivals;
 use super::open::{OpenLink, drive_name};
-use super::receiver::Arrivals;
 use osteon_protocol::device::{
     DEVICE_SCHEMA, DEVICE_VERSION, DeviceHello, DriveState, HostMessage, StateFrame, fault, switch,
 };

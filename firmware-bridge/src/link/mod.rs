@@ -8,6 +8,7 @@
 //! The bytes are those of `WIRE.md`, part 1.
 
 mod handshake;
+pub(crate) mod inbox;
 mod open;
 mod port;
 mod receiver;

@@ -1,7 +1,8 @@
 //! The link to a device that speaks Osteon's open protocol on a serial port.
 
+use super::inbox::Arrivals;
 use super::port::SerialPort;
-use super::receiver::{Arrivals, Receiver};
+use super::receiver::Receiver;
 use super::relay::Relay;
 use super::{DeviceLink, LinkError, LinkStats};
 use osteon_protocol::device::{CommandFrame, DeviceHello, DriveState, HostMessage, StateFrame};
@@ -141,7 +142,7 @@ impl DeviceLink for OpenLink {
     }
 
     fn stats(&self) -> LinkStats {
-        let direct = self.receiver.as_ref().map(|r| r.stats);
+        let direct = self.receiver.as_ref().map(|r| r.stats());
         let received = self.relay.as_ref().map(Relay::stats).or(direct);
         LinkStats {
             dropped_commands: self.dropped_commands,

@@ -43,7 +43,7 @@ impl Relay {
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
         let name = Arc::clone(receiver.name());
-        let stats = receiver.stats;
+        let stats = receiver.stats();
         let thread = std::thread::Builder::new()
             .name("device-relay".to_owned())
             .spawn(move || run(receiver, sender, &flag))
@@ -98,7 +98,7 @@ fn run(mut receiver: Receiver, mut sender: Producer<Item>, stop: &AtomicBool) {
         wait(&receiver);
         let item = match receiver.receive() {
             Ok(arrivals) => match arrivals.state {
-                Some(state) => Ok((state, receiver.stats)),
+                Some(state) => Ok((state, receiver.stats())),
                 None => continue,
             },
             Err(error) => Err(error),

@@ -1,7 +1,7 @@
 use super::*;
-use crate::fake::limits::{COUNTS_PER_REV, GIMBAL_COUNTS_PER_REV};
 use crate::fake::stroke::Segment;
 use osteon_protocol::device::CommandFrame;
+use osteon_protocol::firmware::limits::{COUNTS_PER_REV, GIMBAL_COUNTS_PER_REV};
 
 const DOCKED_AT: DVec3 = DVec3::new(0.0, -70.647, -86.729);
 

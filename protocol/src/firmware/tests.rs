@@ -1,5 +1,6 @@
+use super::limits::{DAC_MAX, SLEW_COUNTS_PER_MS, STOP_SPEED_COUNTS_PER_MS, TEMPERATURE_LIMIT_C};
 use super::*;
-use osteon_protocol::device::switch;
+use crate::device::{DEVICE_SCHEMA, DEVICE_VERSION};
 
 const DOCKED: Sensors = Sensors {
     encoders: [10, -20, 30],
@@ -7,6 +8,8 @@ const DOCKED: Sensors = Sensors {
     switches: switch::DOCKED,
     at_stop: [false; 3],
     temperature: [25; 3],
+    e_stop: false,
+    self_test_failed: false,
 };
 
 /// A drive on a virtual clock in whole milliseconds.
@@ -20,7 +23,7 @@ struct Rig {
 impl Rig {
     fn new() -> Self {
         Self {
-            drive: Firmware::new(7, 99),
+            drive: Firmware::new(DriveConfig::omni(7), 99),
             sensors: DOCKED,
             ms: 0,
             seq: 0,
@@ -50,7 +53,7 @@ impl Rig {
         self.seq = self.seq.wrapping_add(1).max(1);
         let command = CommandFrame {
             seq: self.seq,
-            state_seq: 0,
+            state_seq: self.drive.frame_seq,
             torque,
             enable,
         };
@@ -409,4 +412,57 @@ fn disarm_is_motors_off_in_the_same_tick() {
     assert_eq!(rig.drive.dac(), [0; 3]);
     assert!(!rig.drive.motors_on());
     assert_eq!(rig.tick().drive, DriveState::Homed);
+}
+
+#[test]
+fn the_emergency_stop_and_a_failed_self_test_latch() {
+    for (open, failed, bit) in [
+        (true, false, fault::E_STOP),
+        (false, true, fault::SELF_TEST),
+    ] {
+        let mut rig = Rig::active([100; 3]);
+        (rig.sensors.e_stop, rig.sensors.self_test_failed) = (open, failed);
+        let frame = rig.command([100; 3], true);
+        assert_eq!((frame.drive, frame.faults), (DriveState::Fault, bit));
+        assert!(!rig.drive.motors_on());
+        rig.tell(HostMessage::Disarm);
+        assert_eq!(rig.tick().drive, DriveState::Fault, "the cause is there");
+        rig.sensors = DOCKED;
+        assert_eq!(rig.command([100; 3], true).drive, DriveState::Fault);
+        rig.tell(HostMessage::Disarm);
+        assert_eq!(rig.tick().drive, DriveState::Homed);
+    }
+}
+
+#[test]
+fn a_clock_that_runs_backwards_is_a_fault() {
+    let mut rig = Rig::active([100; 3]);
+    rig.ms -= 30;
+    let frame = rig.tick();
+    assert_eq!(
+        (frame.drive, frame.faults),
+        (DriveState::Fault, fault::SELF_TEST)
+    );
+}
+
+#[test]
+fn a_torque_that_answers_an_old_state_is_refused_and_a_zero_is_not() {
+    let mut rig = Rig::active([100; 3]);
+    let answer = |rig: &mut Rig, behind: u16, torque| {
+        rig.seq += 1;
+        let command = CommandFrame {
+            seq: rig.seq,
+            state_seq: rig.drive.frame_seq.wrapping_sub(behind),
+            torque,
+            enable: true,
+        };
+        rig.tell(HostMessage::Command(command));
+        rig.tick()
+    };
+    let frame = answer(&mut rig, 20, [101; 3]);
+    assert_eq!((frame.applied, frame.refused), ([101; 3], 0));
+    let frame = answer(&mut rig, 21, [102; 3]);
+    assert_eq!((frame.applied, frame.refused), ([101; 3], 1));
+    let frame = answer(&mut rig, 5000, [0; 3]);
+    assert_eq!((frame.applied, frame.refused), ([0; 3], 1));
 }

@@ -1,8 +1,10 @@
-//! The simulated device's drive: a state machine stepped in device time.
+//! The device's side of the link: a drive as a state machine, for a microcontroller or a simulation.
 //!
-//! Pure and free of allocation, as a microcontroller's would be: messages and sensor readings go
-//! in, the state frame and the DAC counts come out. All limits are in whole microseconds of the
-//! device's own clock.
+//! Free of allocation, of a clock and of I/O: messages, sensor readings and the time go in, answers,
+//! the state frame and the motors' DAC counts come out. All limits are in whole microseconds of the
+//! device's own clock ([`limits`]). A firmware project owns three things: it reads [`Sensors`], it
+//! sets what [`Firmware::dac`] and [`Firmware::motors_on`] say, and it moves the bytes of
+//! [`Controller`].
 //!
 //! ```text
 //! boot ─200 ms→ unhomed ─Home (docked)→ homed ─Arm, ArmConfirm{nonce}→ armed ─enable→ active
@@ -11,17 +13,23 @@
 //!                                                     └─50 ms of healthy commands──────────┘
 //! ```
 
-use super::limits::{
-    ARMED_IDLE_MICROS, BOOT_MICROS, COUNTS_PER_REV, DAC_MAX, GIMBAL_COUNTS_PER_REV,
-    HEALTHY_GAP_MICROS, HOLD_AFTER_MICROS, HOLD_UNTIL_MICROS, MICRO_NM_PER_COUNT, NONCE_MICROS,
-    OVER_LIMIT_IN_A_ROW, PERIOD_MICROS, RAMP_MICROS, REARM_MICROS, SLEW_COUNTS_PER_MS,
-    STOP_SPEED_COUNTS_PER_MS, TEMPERATURE_LIMIT_C, TRIP_MICROS,
+mod config;
+mod controller;
+pub mod limits;
+mod motors;
+
+pub use config::DriveConfig;
+pub use controller::Controller;
+
+use crate::device::{
+    CommandFrame, DeviceMessage, DriveState, HostMessage, StateFrame, fault, switch,
 };
-use osteon_protocol::device::{
-    CommandFrame, DEVICE_SCHEMA, DEVICE_VERSION, DeviceHello, DeviceMessage, DriveState,
-    HostMessage, StateFrame, fault,
+use crate::frame::is_newer;
+use limits::{
+    ARMED_IDLE_MICROS, BOOT_MICROS, HEALTHY_GAP_MICROS, HOLD_AFTER_MICROS, HOLD_UNTIL_MICROS,
+    NONCE_MICROS, OVER_LIMIT_IN_A_ROW, RAMP_MICROS, REARM_MICROS, STALE_MICROS, TRIP_MICROS,
 };
-use osteon_protocol::frame::is_newer;
+use motors::{scale, slew};
 
 /// What the drive reads from its sensors once a period.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -30,18 +38,22 @@ pub struct Sensors {
     pub encoders: [i32; 3],
     /// Absolute gimbal sensors, counts.
     pub gimbal: [i16; 3],
-    /// Pressed buttons and the dock switch, [`osteon_protocol::device::switch`] bits.
+    /// Pressed buttons and the dock switch, [`switch`] bits.
     pub switches: u8,
     /// Which joints touch their stop.
     pub at_stop: [bool; 3],
     /// Winding temperatures, °C.
     pub temperature: [i8; 3],
+    /// The emergency stop is open. Its contact should cut the motors' supply as well.
+    pub e_stop: bool,
+    /// The self-test (supply, sensors, amplifiers, memory) has found a fault.
+    pub self_test_failed: bool,
 }
 
 /// The drive.
 #[derive(Debug, Clone)]
 pub struct Firmware {
-    serial: u32,
+    config: DriveConfig,
     random: u64,
     drive: DriveState,
     now: u64,
@@ -67,10 +79,10 @@ pub struct Firmware {
 }
 
 impl Firmware {
-    /// A drive that powers up at time 0 of its clock. `seed` makes the nonces.
-    pub fn new(serial: u32, seed: u64) -> Self {
+    /// A drive that powers up at time 0 of its clock. `seed` makes the nonces: take it from a source of
+    /// noise.
+    pub const fn new(config: DriveConfig, seed: u64) -> Self {
         Self {
-            serial,
             random: seed,
             drive: DriveState::Boot,
             now: 0,
@@ -86,11 +98,22 @@ impl Firmware {
             over_limit: 0,
             latched: 0,
             passing: 0,
-            frame_seq: 0,
+            frame_seq: config.first_seq,
             crc_errors: 0,
             refused: 0,
             trips: 0,
+            config,
         }
+    }
+
+    /// What this device is.
+    pub const fn config(&self) -> &DriveConfig {
+        &self.config
+    }
+
+    /// The newest command that was accepted in this session.
+    pub fn newest_command(&self) -> Option<CommandFrame> {
+        self.command.map(|(command, _)| command)
     }
 
     /// State of the drive.
@@ -119,18 +142,18 @@ impl Firmware {
         self.crc_errors = self.crc_errors.wrapping_add(1);
     }
 
-    /// Takes one message at time `now` (µs, never going back) and gives the answer, if any.
+    /// Takes one message at time `now` (µs) and gives the answer, if any.
     pub fn receive(
         &mut self,
         now: u64,
         message: HostMessage,
         sensors: &Sensors,
     ) -> Option<DeviceMessage> {
-        self.now = now;
+        self.pass_to(now);
         match message {
             HostMessage::HelloRequest { .. } => {
                 self.begin_session();
-                return Some(DeviceMessage::Hello(self.hello()));
+                return Some(DeviceMessage::Hello(self.config.hello));
             }
             HostMessage::Command(command) => self.take_command(command),
             HostMessage::Home => self.home(sensors),
@@ -143,25 +166,19 @@ impl Firmware {
 
     /// One period of the drive at time `now` (µs): faults, watchdog, motor output, state frame.
     pub fn tick(&mut self, now: u64, sensors: &Sensors) -> StateFrame {
-        self.now = now;
+        self.pass_to(now);
         self.check_sensors(sensors);
         self.advance();
         self.drive_motors();
         self.report(sensors)
     }
 
-    fn hello(&self) -> DeviceHello {
-        DeviceHello {
-            version: DEVICE_VERSION,
-            schema: DEVICE_SCHEMA,
-            model: 1,
-            serial: self.serial,
-            counts_per_rev: COUNTS_PER_REV,
-            gimbal_counts_per_rev: GIMBAL_COUNTS_PER_REV,
-            dac_max: DAC_MAX,
-            micro_nm_per_count: MICRO_NM_PER_COUNT,
-            period_micros: PERIOD_MICROS,
+    // A watchdog whose clock runs backwards guards nothing.
+    fn pass_to(&mut self, now: u64) {
+        if now < self.now {
+            self.fail(fault::SELF_TEST);
         }
+        self.now = self.now.max(now);
     }
 
     fn refuse(&mut self) {
@@ -178,7 +195,7 @@ impl Firmware {
     }
 
     fn home(&mut self, sensors: &Sensors) {
-        let docked = sensors.switches & osteon_protocol::device::switch::DOCKED != 0;
+        let docked = sensors.switches & switch::DOCKED != 0;
         if docked && matches!(self.drive, DriveState::Unhomed | DriveState::Homed) {
             self.reference = Some(sensors.encoders);
             self.drive = DriveState::Homed;
@@ -248,15 +265,12 @@ impl Firmware {
         let stale = self
             .command
             .is_some_and(|(newest, _)| !is_newer(command.seq, newest.seq));
-        if stale {
+        if stale || self.is_late(&command) {
             self.refuse();
             return;
         }
-        if command
-            .torque
-            .iter()
-            .any(|t| t.unsigned_abs() > DAC_MAX as u16)
-        {
+        let most = self.config.hello.dac_max.unsigned_abs();
+        if command.torque.iter().any(|t| t.unsigned_abs() > most) {
             self.refuse();
             self.passing |= fault::TORQUE_LIMIT;
             self.over_limit = self.over_limit.saturating_add(1);
@@ -272,6 +286,14 @@ impl Firmware {
         }
         self.command = Some((command, self.now));
         self.follow(command.enable);
+    }
+
+    // A torque that answers a state of long ago: it has waited in a queue, or the host hears nothing.
+    // A zero is welcome whatever its age.
+    fn is_late(&self, command: &CommandFrame) -> bool {
+        let behind = u64::from(self.frame_seq.wrapping_sub(command.state_seq));
+        let age = behind * u64::from(self.config.hello.period_micros);
+        command.torque != [0; 3] && age > STALE_MICROS
     }
 
     // What a fresh command asks of the drive.
@@ -293,18 +315,22 @@ impl Firmware {
     }
 
     fn check_sensors(&mut self, sensors: &Sensors) {
-        if sensors
-            .temperature
-            .iter()
-            .any(|&t| t >= TEMPERATURE_LIMIT_C)
-        {
-            self.fail(fault::OVER_TEMPERATURE);
+        let limit = self.config.temperature_limit_c;
+        let hot = sensors.temperature.iter().any(|&t| t >= limit);
+        for (wrong, bit) in [
+            (hot, fault::OVER_TEMPERATURE),
+            (sensors.e_stop, fault::E_STOP),
+            (sensors.self_test_failed, fault::SELF_TEST),
+        ] {
+            if wrong {
+                self.fail(bit);
+            }
         }
         let before = self.last_encoders.replace(sensors.encoders);
         for joint in (0..3).filter(|&joint| sensors.at_stop[joint]) {
             self.passing |= fault::JOINT_LIMIT;
             let moved = before.map_or(0, |b| sensors.encoders[joint].abs_diff(b[joint]));
-            if moved > STOP_SPEED_COUNTS_PER_MS && self.motors_on() {
+            if moved > self.config.stop_speed_counts_per_tick && self.motors_on() {
                 self.fail(fault::JOINT_LIMIT);
             }
         }
@@ -356,7 +382,7 @@ impl Firmware {
         match (self.drive, self.command) {
             (DriveState::Active, Some((command, _))) => {
                 let gain = (self.now - self.ramp_from).min(RAMP_MICROS);
-                for (joint, rise) in SLEW_COUNTS_PER_MS.into_iter().enumerate() {
+                for (joint, rise) in self.config.slew_counts_per_tick.into_iter().enumerate() {
                     let wanted = scale(command.torque[joint], gain, RAMP_MICROS);
                     let limited = slew(self.applied[joint], wanted, rise);
                     if limited != wanted {
@@ -395,26 +421,6 @@ impl Firmware {
             trips: self.trips,
         }
     }
-}
-
-/// `torque · part / whole`, towards zero; `part <= whole < 2³²`.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
-    reason = "part / whole is at most one"
-)]
-fn scale(torque: i16, part: u64, whole: u64) -> i16 {
-    (i64::from(torque) * part as i64 / whole as i64) as i16
-}
-
-/// `wanted`, but at most `rise` further from zero than `now`; a change of sign starts from zero.
-fn slew(now: i16, wanted: i16, rise: i16) -> i16 {
-    let base = if (now < 0) == (wanted < 0) {
-        now.abs()
-    } else {
-        0
-    };
-    wanted.signum() * wanted.abs().min(base.saturating_add(rise))
 }
 
 #[cfg(test)]

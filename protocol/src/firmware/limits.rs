@@ -1,7 +1,7 @@
-//! What the simulated drive allows, and what its raw numbers mean.
+//! What the drive allows, and what the raw numbers of an Omni-class device mean.
 
 #[cfg(doc)]
-use osteon_protocol::device::DriveState;
+use crate::device::DriveState;
 
 /// Time from power-up until the drive leaves [`DriveState::Boot`], µs.
 pub const BOOT_MICROS: u64 = 200_000;
@@ -17,6 +17,9 @@ pub const HOLD_UNTIL_MICROS: u64 = 5_000;
 pub const TRIP_MICROS: u64 = 20_000;
 /// Healthy commands for this time re-arm a tripped drive, µs.
 pub const REARM_MICROS: u64 = 50_000;
+/// A command that asks for torque and answers a state older than this is refused, µs: what comes
+/// late out of a queue must move no motor.
+pub const STALE_MICROS: u64 = 20_000;
 /// A longer gap between two commands is not healthy, µs.
 pub const HEALTHY_GAP_MICROS: u64 = 5_000;
 /// On entry into active the torque is scaled from zero to full over this time, µs.
