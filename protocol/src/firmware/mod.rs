@@ -265,7 +265,7 @@ impl Firmware {
         let stale = self
             .command
             .is_some_and(|(newest, _)| !is_newer(command.seq, newest.seq));
-        if stale || self.is_late(&command) {
+        if stale || self.is_late(command) {
             self.refuse();
             return;
         }
@@ -290,7 +290,7 @@ impl Firmware {
 
     // A torque that answers a state of long ago: it has waited in a queue, or the host hears nothing.
     // A zero is welcome whatever its age.
-    fn is_late(&self, command: &CommandFrame) -> bool {
+    fn is_late(&self, command: CommandFrame) -> bool {
         let behind = u64::from(self.frame_seq.wrapping_sub(command.state_seq));
         let age = behind * u64::from(self.config.hello.period_micros);
         command.torque != [0; 3] && age > STALE_MICROS
