@@ -122,6 +122,13 @@ impl Servo {
             .finish(&self.setup.bone, &mut self.cut, &self.setup.tools);
     }
 
+    /// The device was away and is connected again: force and proxy begin anew where the stylus is now.
+    /// Call it between two ticks. What was cut stays.
+    pub fn reconnect(&mut self) {
+        self.intake.forget();
+        self.start_over();
+    }
+
     /// What the guards had to do so far.
     pub fn guards(&self) -> GuardCounts {
         self.chain.counts

@@ -2,7 +2,9 @@
 //!
 //! No I/O and no clock: the pty loop drives it in real time, a lockstep test as fast as it can.
 
-use super::hand::{HAND_KG, Hand};
+use super::faults::Fault;
+use super::faults::sensors::SensorFault;
+use super::hand::{Hand, Hold};
 use super::plant::{ArmParameters, Plant, STEP_S, SUBSTEPS, gimbal_counts};
 use super::stroke::Stroke;
 use glam::DVec3;
@@ -33,6 +35,43 @@ pub struct Truth {
     pub segment: i32,
 }
 
+/// How a device is built and held.
+#[derive(Debug, Clone)]
+pub struct DeviceSetup {
+    /// What the hand is to do.
+    pub stroke: Stroke,
+    /// Who holds the stylus.
+    pub hold: Hold,
+    /// Makes nonces, the serial number and the encoders' values at power-up.
+    pub seed: u64,
+    /// Values of the encoders at power-up, counts; homing takes them away again.
+    pub power_up: [i32; 3],
+    /// Number of the last state frame before the first.
+    pub first_seq: u16,
+}
+
+impl DeviceSetup {
+    /// A device in a firm hand.
+    pub fn new(stroke: Stroke, seed: u64) -> Self {
+        // any start value does; in ±32 767
+        let bytes = seed.rotate_left(5).to_le_bytes();
+        Self {
+            stroke,
+            hold: Hold::default(),
+            seed,
+            power_up: [0, 2, 4].map(|at| i16::from_le_bytes([bytes[at], bytes[at + 1]]).into()),
+            first_seq: 0,
+        }
+    }
+
+    fn drive(&self) -> DriveConfig {
+        DriveConfig {
+            first_seq: self.first_seq,
+            ..DriveConfig::omni((self.seed & 0xffff_ffff) as u32)
+        }
+    }
+}
+
 /// The simulated device.
 #[derive(Debug, Clone)]
 pub struct Device {
@@ -42,29 +81,57 @@ pub struct Device {
     now_micros: u64,
     gimbal: [i16; 3],
     sensors: Sensors,
+    fault: Option<SensorFault>,
+    powered_up: u64,
+    seed: u64,
 }
 
 impl Device {
     /// A device at power-up, its stylus in the dock. `seed` makes nonces and the encoders' power-up
     /// values.
     pub fn new(stroke: Stroke, seed: u64) -> Self {
-        let grip = ArmParameters {
-            grip_kg: HAND_KG,
+        Self::build(DeviceSetup::new(stroke, seed))
+    }
+
+    /// As [`Self::new`], with more to choose.
+    pub fn build(setup: DeviceSetup) -> Self {
+        let arm = ArmParameters {
+            grip_kg: setup.hold.mass_kg(),
             ..ArmParameters::default()
         };
-        // Any start value does, as homing takes it away again; in ±32 767.
-        let bytes = seed.rotate_left(5).to_le_bytes();
-        let power_up = [0, 2, 4].map(|at| i16::from_le_bytes([bytes[at], bytes[at + 1]]).into());
         let mut device = Self {
-            controller: Controller::new(DriveConfig::omni((seed & 0xffff_ffff) as u32), seed),
-            plant: Plant::new(grip, power_up),
-            hand: Hand::new(stroke),
+            controller: Controller::new(setup.drive(), setup.seed),
+            plant: Plant::new(arm, setup.power_up),
+            hand: Hand::holding(setup.stroke, setup.hold),
             now_micros: 0,
             gimbal: [0; 3],
             sensors: Sensors::default(),
+            fault: None,
+            powered_up: 0,
+            seed: setup.seed,
         };
         device.sensors = device.read_sensors();
         device
+    }
+
+    /// Makes a fault of the sensors begin.
+    pub fn inject(&mut self, fault: Fault, seed: u64) {
+        self.fault = Some(SensorFault::new(fault, seed));
+    }
+
+    /// The supply fails and comes back: the drive boots anew, the encoders have lost their count. Arm and
+    /// hand stay where they are.
+    pub fn brown_out(&mut self) {
+        self.powered_up += 1;
+        self.now_micros = 0;
+        let config = *self.firmware().config();
+        let seed = self.seed.wrapping_add(self.powered_up);
+        self.controller = Controller::new(config, seed);
+        let bytes = seed.rotate_left(17).to_le_bytes();
+        self.plant
+            .power_up([1, 3, 5].map(|at| i16::from_le_bytes([bytes[at], bytes[at + 1]]).into()));
+        self.plant.set_drive([0; 3], false);
+        self.sensors = self.read_sensors();
     }
 
     /// The drive.
@@ -161,7 +228,7 @@ impl Device {
         } else {
             0
         };
-        Sensors {
+        let mut sensors = Sensors {
             encoders: self.plant.encoders(),
             gimbal: self.gimbal,
             switches: self.hand.buttons() | docked,
@@ -169,7 +236,11 @@ impl Device {
             temperature: self.plant.temperature(),
             e_stop: false,
             self_test_failed: false,
+        };
+        if let Some(fault) = &mut self.fault {
+            fault.disturb(&mut sensors);
         }
+        sensors
     }
 }
 

@@ -12,12 +12,53 @@ use glam::{DQuat, DVec3};
 use osteon_protocol::device::switch;
 use osteon_sim_core::omni;
 
-/// Mass of the hand at the stylus, kg.
-pub const HAND_KG: f64 = 0.1;
-/// Spring of the hand, N/mm (400 N/m).
-pub const STIFFNESS_N_PER_MM: f64 = 0.4;
-/// Damper of the hand, N·s/mm (4 N·s/m).
-pub const DAMPING_NS_PER_MM: f64 = 0.004;
+/// How the stylus is held. Its mass, spring and damper are those of [`Hold::mass_kg`],
+/// [`Hold::stiffness_n_per_mm`] and [`Hold::damping_ns_per_mm`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Hold {
+    /// Nobody: a soft thread draws the bare stylus, without a hand's mass and damping
+    None,
+    /// Two fingers
+    Light,
+    /// A firm grip
+    #[default]
+    Grip,
+}
+
+impl Hold {
+    /// Every one.
+    pub const ALL: [Self; 3] = [Self::None, Self::Light, Self::Grip];
+
+    /// Mass of the hand at the stylus, kg.
+    pub const fn mass_kg(self) -> f64 {
+        match self {
+            Self::None => 0.0,
+            Self::Light => 0.02,
+            Self::Grip => 0.1,
+        }
+    }
+
+    /// Spring of the hand, N/mm: 30, 50 and 400 N/m.
+    pub const fn stiffness_n_per_mm(self) -> f64 {
+        match self {
+            Self::None => 0.03,
+            Self::Light => 0.05,
+            Self::Grip => 0.4,
+        }
+    }
+
+    /// Damper of the hand, N·s/mm: 0.2, 0.5 and 4 N·s/m. The thread's is what keeps a bare stylus from
+    /// swinging for seconds.
+    pub const fn damping_ns_per_mm(self) -> f64 {
+        match self {
+            Self::None => 0.0002,
+            Self::Light => 0.0005,
+            Self::Grip => 0.004,
+        }
+    }
+}
+
 /// The stylus has arrived when it is this near to the goal along the line, mm.
 pub const ARRIVED_MM: f64 = 0.05;
 
@@ -51,6 +92,7 @@ enum Phase {
 #[derive(Debug, Clone)]
 pub struct Hand {
     segments: Vec<Segment>,
+    hold: Hold,
     index: usize,
     phase: Phase,
     // since the phase began, s; does not run while the drive is not engaged and the hand moves
@@ -68,11 +110,17 @@ pub struct Hand {
 }
 
 impl Hand {
-    /// A hand at rest in the dock; without segments it stays there.
+    /// A firm hand at rest in the dock; without segments it stays there.
     pub fn new(stroke: Stroke) -> Self {
+        Self::holding(stroke, Hold::default())
+    }
+
+    /// As [`Self::new`], with a hand of this kind.
+    pub fn holding(stroke: Stroke, hold: Hold) -> Self {
         let dock = omni::stylus(omni::DOCK, DVec3::ZERO);
         Self {
             segments: stroke.segments,
+            hold,
             index: 0,
             phase: Phase::Docked,
             elapsed_s: 0.0,
@@ -132,8 +180,8 @@ impl Hand {
         if self.docked() {
             return DVec3::ZERO;
         }
-        (self.target - motion.position) * STIFFNESS_N_PER_MM
-            + (self.target_velocity - motion.velocity) * DAMPING_NS_PER_MM
+        (self.target - motion.position) * self.hold.stiffness_n_per_mm()
+            + (self.target_velocity - motion.velocity) * self.hold.damping_ns_per_mm()
     }
 
     /// Plans the next `dt_s`. `engaged`: the drive lets torque flow. Without it the hand stops
@@ -194,7 +242,7 @@ impl Hand {
         self.speed = (self.speed + ACCELERATION * dt_s)
             .min(segment.speed_mm_s)
             .min(wish);
-        let leash = stylus + segment.max_push_n / STIFFNESS_N_PER_MM;
+        let leash = stylus + segment.max_push_n / self.hold.stiffness_n_per_mm();
         let ahead = self.along + self.speed * dt_s;
         // At the leash's end the damper works against the stylus's own speed: push, less damping.
         let pace = if ahead > leash { 0.0 } else { self.speed };

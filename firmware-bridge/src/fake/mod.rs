@@ -2,13 +2,15 @@
 //!
 //! * [`osteon_protocol::firmware`]: the drive, the same that a microcontroller would run.
 //! * [`plant`]: the arm. [`hand`]: who holds it. [`stroke`]: what the hand is to do.
-//! * [`device`]: the three together, in device time.
+//! * [`device`]: the three together, in device time. [`faults`]: what goes wrong with them on purpose.
 //! * [`port`]: the pty and its link name. [`truth`]: the ground truth file. [`mod@run`]: the process.
 
 pub mod device;
+pub mod faults;
 pub mod hand;
 pub mod plant;
 pub mod port;
+pub mod random;
 pub mod run;
 pub mod stroke;
 pub mod truth;

@@ -153,6 +153,7 @@ pub struct Plant {
     clamped: bool,
     power_up: [i32; 3],
     heat: DVec3,
+    motor_work: f64,
 }
 
 /// Middle of encoder count zero: here the dock clamps the arm, so that the count read in the dock
@@ -175,7 +176,18 @@ impl Plant {
             clamped: true,
             power_up,
             heat: DVec3::ZERO,
+            motor_work: 0.0,
         }
+    }
+
+    /// The encoders lose their count and read `power_up` in the dock from here on.
+    pub fn power_up(&mut self, power_up: [i32; 3]) {
+        self.power_up = power_up;
+    }
+
+    /// Work that the motors have done on the arm since the start, J. Negative where they brake.
+    pub fn motor_work(&self) -> f64 {
+        self.motor_work
     }
 
     /// Lets the arm out of the dock.
@@ -252,6 +264,7 @@ impl Plant {
             - self.inertia.coriolis(self.joints, self.speed);
         self.speed += self.accelerate(net) * dt_s;
         self.joints += self.speed * dt_s;
+        self.motor_work += self.torque.dot(self.speed) * dt_s;
     }
 
     fn move_motors(&mut self, dt_s: f64) {

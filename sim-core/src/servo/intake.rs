@@ -3,10 +3,12 @@
 use super::io::{DeviceScale, Sample, button};
 use crate::omni;
 use crate::pose::Pose;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
-/// Implausible samples in a row after which the new place is believed.
+/// Implausible samples in a row after which the new place, or the new time, is believed.
 const RESYNC_AFTER: u32 = 5;
+/// Fastest turn of the stylus that is believed, rad/ms: a wrist makes 20 rad/s.
+const TURN_RAD_PER_MS: f64 = 0.15;
 /// A hand that moved less than this during a gap goes on where it was, mm.
 const GAP_TRUST_MM: f64 = 40.0;
 /// Time that a button is deaf after an edge (contact bounce), s.
@@ -92,12 +94,17 @@ impl Intake {
         let mut jumped = false;
         if let Some(track) = self.track {
             let micros = sample.time_micros.wrapping_sub(track.time_micros);
-            if micros == 0 || micros > u32::MAX / 2 {
+            let backwards = micros > u32::MAX / 2;
+            if micros == 0 || (backwards && self.implausible_run < RESYNC_AFTER) {
+                self.implausible_run += u32::from(backwards);
                 return Verdict::Stale;
             }
             let ms = (f64::from(micros) * 1e-3).clamp(0.1, 1000.0);
             let expected = track.position + track.velocity_mm_s * (ms * 1e-3);
-            let plausible = (position - expected).length() <= most * (ms * ms).max(1.0);
+            let moved = (position - expected).length() <= most * (ms * ms).max(1.0);
+            let turn = angle(base_from_stylus.rotation, self.base_from_stylus.rotation);
+            let turned = turn <= TURN_RAD_PER_MS * ms.max(1.0);
+            let plausible = moved && turned && !backwards;
             if !plausible && self.implausible_run < RESYNC_AFTER {
                 self.implausible_run += 1;
                 return Verdict::Implausible;
@@ -122,6 +129,12 @@ impl Intake {
         }
     }
 
+    /// A device that was connected anew: its clock and its place say nothing about the last one's.
+    pub(super) fn forget(&mut self) {
+        self.track = None;
+        self.implausible_run = 0;
+    }
+
     /// The buttons that were pressed anew, [`button`] bits.
     pub(super) fn pressed(&mut self, buttons: u8, tick_s: f64) -> u8 {
         let mut pressed = 0;
@@ -143,4 +156,10 @@ impl Intake {
         }
         pressed
     }
+}
+
+/// Angle between two rotations, rad.
+fn angle(a: DQuat, b: DQuat) -> f64 {
+    let arc = a * b.conjugate();
+    2.0 * libm::atan2(arc.xyz().length(), arc.w.abs())
 }

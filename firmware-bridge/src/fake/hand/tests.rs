@@ -26,7 +26,7 @@ struct Rig {
 impl Rig {
     fn new(segments: Vec<Segment>) -> Self {
         let arm = ArmParameters {
-            grip_kg: HAND_KG,
+            grip_kg: Hold::Grip.mass_kg(),
             ..ArmParameters::default()
         };
         let mut plant = Plant::new(arm, [0; 3]);
