@@ -1,7 +1,7 @@
 //! `osteon`: one program, one sub-command for each process and report.
 
 use clap::{Parser, Subcommand};
-use osteon_firmware_bridge::{doctor, fake, haptics, launcher};
+use osteon_firmware_bridge::{bench, doctor, fake, haptics, launcher};
 use osteon_tests::report;
 use std::process::ExitCode;
 
@@ -29,6 +29,8 @@ enum Task {
     View(osteon_viewer::ViewArgs),
     /// Simulated haptic device behind a serial port
     FakeOmni(fake::FakeArgs),
+    /// Play a script of sessions and faults in lockstep, without hardware and faster than real time
+    Bench(bench::BenchArgs),
     /// Say what this machine can do: real-time rights, ports, display, graphics
     Doctor(doctor::DoctorArgs),
     /// Measure, and write a document with its tables and plots
@@ -51,6 +53,7 @@ fn main() -> ExitCode {
         Task::Haptics(args) => haptics::run(&args),
         Task::View(args) => osteon_viewer::run(args),
         Task::FakeOmni(args) => fake::run(&args),
+        Task::Bench(args) => bench::run(&args),
         Task::Doctor(args) => doctor::run(&args, screen),
         Task::Report(report) => report::run(&report),
     };

@@ -13,9 +13,9 @@ mod publisher;
 pub(crate) mod record;
 pub mod rehearsal;
 mod report;
-mod resync;
-mod servo_loop;
-mod session;
+pub(crate) mod resync;
+pub(crate) mod servo_loop;
+pub(crate) mod session;
 pub mod socket;
 mod stats;
 #[cfg(test)]

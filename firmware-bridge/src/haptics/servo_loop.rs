@@ -20,6 +20,9 @@ const MAX_REQUESTS: usize = 8;
 /// Device link silent for this long: the session ends, ns.
 const LOST_AFTER_NS: u64 = 1_000_000_000;
 
+/// So many states in a row of a drive that is not armed any more: the session ends.
+const DISARMED_RUN: u32 = 100;
+
 /// Why the loop ended.
 #[derive(Debug)]
 pub(crate) enum Ending {
@@ -31,6 +34,8 @@ pub(crate) enum Ending {
     Silent,
     /// The device has lost its homing: it was restarted.
     Restarted,
+    /// The drive was disarmed: by another program on the same device.
+    Disarmed,
     /// A bug: the message of the panic.
     Panicked(String),
 }
@@ -65,6 +70,8 @@ pub(crate) struct Beat {
     last_state_ns: u64,
     // when each command was sent, by the low byte of its number
     sent_ns: [u64; 256],
+    // states in a row that say that nobody has armed the drive
+    disarmed_run: u32,
 }
 
 /// Runs until `stop`, an error or a panic; then turns the motors off.
@@ -160,7 +167,14 @@ impl Beat {
             last_state: None,
             last_state_ns: now,
             sent_ns: [0; 256],
+            disarmed_run: 0,
         }
+    }
+
+    /// Counts commands on from `seq`.
+    pub(crate) fn from_command(mut self, seq: u16) -> Self {
+        self.command_seq = seq;
+        self
     }
 }
 
@@ -182,6 +196,13 @@ pub(crate) fn one_beat(
     let (requests, count) = take_requests(&mut thread.requests);
     if fresh.is_some_and(|s| matches!(s.drive, DriveState::Boot | DriveState::Unhomed)) {
         return Err(Ending::Restarted);
+    }
+    if let Some(state) = fresh {
+        let disarmed = state.drive == DriveState::Homed;
+        beat.disarmed_run = if disarmed { beat.disarmed_run + 1 } else { 0 };
+    }
+    if beat.disarmed_run >= DISARMED_RUN {
+        return Err(Ending::Disarmed);
     }
     let sample = fresh.map(|state| sample_of(&state, beat.command_seq));
     let epoch_before = thread.servo.cut().epoch();

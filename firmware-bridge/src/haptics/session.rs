@@ -322,7 +322,7 @@ fn finish(
     if let Some(log) = &mut publisher.pose_log {
         log.flush().context("pose log: cannot write its end")?;
     }
-    let failure = failure(&finished.ending);
+    let failure = ending_text(&finished.ending);
     let report = SessionReport::new(&Facts {
         scene,
         tools,
@@ -363,7 +363,8 @@ fn finish(
     }
 }
 
-fn failure(ending: &Ending) -> Option<String> {
+/// What is said of an ending that was not asked for.
+pub(crate) fn ending_text(ending: &Ending) -> Option<String> {
     match ending {
         Ending::Stopped => None,
         Ending::Link(e) => Some(e.to_string()),
@@ -372,6 +373,10 @@ fn failure(ending: &Ending) -> Option<String> {
         }
         Ending::Restarted => Some(
             "the device was restarted in the session and has lost its homing; dock the stylus and start anew"
+                .to_owned(),
+        ),
+        Ending::Disarmed => Some(
+            "the drive was disarmed in the session; end the other program that uses the device and start anew"
                 .to_owned(),
         ),
         Ending::Panicked(message) => Some(format!(

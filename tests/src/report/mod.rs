@@ -2,6 +2,7 @@
 
 pub mod carver;
 pub mod carving;
+pub mod faults;
 mod machine;
 pub mod plot;
 pub mod stability;
@@ -16,6 +17,8 @@ use anyhow::Result;
 pub enum Report {
     /// Time, error and memory of removing bone, beside the thesis's method and its rivals
     Carving(carving::CarvingArgs),
+    /// Every fault of cable and device, in lockstep: time to zero torque, energy, recovery
+    Faults(faults::FaultsArgs),
     /// How still, safe and true the force loop is, with its hard cases and other programs' defects beside it
     Stability(stability::StabilityArgs),
 }
@@ -24,6 +27,7 @@ pub enum Report {
 pub fn run(report: &Report) -> Result<()> {
     match report {
         Report::Carving(args) => carving::run(args),
+        Report::Faults(args) => faults::run(args),
         Report::Stability(args) => stability::run(args),
     }
 }

@@ -131,7 +131,7 @@ impl Lane {
             now_ns >= from && (self.touched == 0 || is_for_good(fault))
         };
         // a lone delimiter is no frame, and a rewrite waits for the message it is about
-        if !meant || frame.len() < 2 {
+        if !meant || frame.len() < 4 {
             if let Some(held) = self.held.take() {
                 self.push(due, held);
             }
@@ -156,8 +156,12 @@ impl Lane {
                 self.push(due, frame);
             }
             Fault::FlipBits => {
-                for _ in 0..=self.random.below(8) {
-                    self.flip(&mut frame);
+                let whole = frame.clone();
+                // flips may undo each other
+                while frame == whole {
+                    for _ in 0..=self.random.below(8) {
+                        self.flip(&mut frame);
+                    }
                 }
                 self.push(due, frame);
             }
@@ -217,7 +221,8 @@ impl Lane {
 
     fn insert(&mut self, frame: &mut Vec<u8>) {
         let byte = self.random.next().to_le_bytes()[0];
-        frame.insert(self.random.below(frame.len()), byte);
+        // inside: a delimiter at an end would be an empty line
+        frame.insert(1 + self.random.below(frame.len() - 2), byte);
     }
 }
 

@@ -56,7 +56,11 @@ impl FromStr for Planned {
         let (name, at_s) = match rest.split_once('@') {
             Some((name, at)) => match at.parse::<f64>() {
                 Ok(at) if (0.0..=1e5).contains(&at) => (name, at),
-                _ => return Err(format!("'{at}' is no time; give seconds, as drop-frame@2.5")),
+                _ => {
+                    return Err(format!(
+                        "'{at}' is no time; give seconds, as drop-frame@2.5"
+                    ));
+                }
             },
             None => (rest, DEFAULT_AT_S),
         };
