@@ -33,10 +33,10 @@ pub(super) struct End {
 }
 
 impl End {
-    fn tell(&mut self, message: &HostMessage) {
+    fn tell(&mut self, message: HostMessage) {
         let mut out = [0; MAX_FRAME];
         self.outbound
-            .extend_from_slice(encode(message, &mut out).unwrap_or(&[]));
+            .extend_from_slice(encode(&message, &mut out).unwrap_or(&[]));
     }
 
     fn arrivals(&mut self) -> Result<Arrivals, LinkError> {
@@ -86,11 +86,11 @@ impl DeviceLink for LockstepLink {
         Ok(self.end.lock().arrivals()?.state)
     }
     fn send(&mut self, command: &CommandFrame) -> Result<(), LinkError> {
-        self.end.lock().tell(&HostMessage::Command(*command));
+        self.end.lock().tell(HostMessage::Command(*command));
         Ok(())
     }
     fn disarm(&mut self) {
-        self.end.lock().tell(&HostMessage::Disarm);
+        self.end.lock().tell(HostMessage::Disarm);
     }
     fn stats(&self) -> LinkStats {
         self.end.lock().inbox.stats
@@ -131,7 +131,7 @@ impl Start {
             }
         }
         if let Some(nonce) = got.nonce {
-            end.tell(&HostMessage::ArmConfirm { nonce });
+            end.tell(HostMessage::ArmConfirm { nonce });
         }
         let drive = got.state.map(|s| s.drive);
         if self.greeted && drive == Some(DriveState::Armed) {
@@ -157,7 +157,7 @@ impl Start {
             (true, Some(DriveState::Fault)) => HostMessage::Disarm,
             _ => return Ok(false),
         };
-        end.tell(&message);
+        end.tell(message);
         self.asked = Some(now);
         Ok(false)
     }

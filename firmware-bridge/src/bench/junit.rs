@@ -1,20 +1,20 @@
-//! Results as JUnit XML, which every CI reads.
+//! Results as `JUnit` XML, which every CI reads.
 
 use std::fmt::Write as _;
 
 /// One case.
 #[derive(Debug, Clone, serde::Serialize)]
-pub struct Case {
+pub(super) struct Case {
     /// Name.
-    pub name: String,
+    pub(super) name: String,
     /// Device time that it took, s.
-    pub seconds: f64,
+    pub(super) seconds: f64,
     /// Why it failed, if it did.
-    pub failure: Option<String>,
+    pub(super) failure: Option<String>,
 }
 
 /// The document.
-pub fn xml(suite: &str, cases: &[Case]) -> String {
+pub(super) fn xml(suite: &str, cases: &[Case]) -> String {
     let failures = cases.iter().filter(|c| c.failure.is_some()).count();
     let seconds: f64 = cases.iter().map(|c| c.seconds).sum();
     let mut text = format!(

@@ -20,6 +20,10 @@ use world::Lab;
 
 /// One fault in one direction over its seeds.
 #[derive(Debug, Clone, Serialize)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "independent facts, as the report names them"
+)]
 pub struct Row {
     /// Name of the fault.
     pub fault: &'static str,
@@ -50,7 +54,7 @@ pub struct Row {
 }
 
 impl Row {
-    fn of(planned: &Planned, all: &[Outcome]) -> Self {
+    fn of(planned: Planned, all: &[Outcome]) -> Self {
         let benign = planned.entry().benign;
         let worst = |f: &dyn Fn(&Outcome) -> f64| all.iter().map(f).fold(0.0, f64::max);
         let zeros: Option<Vec<f64>> = all.iter().map(|o| o.zero_ms).collect();
@@ -90,7 +94,7 @@ pub fn all_rows(seeds: u64, progress: &mut dyn FnMut(&str, f32)) -> anyhow::Resu
         })
         .collect();
     let mut rows = Vec::new();
-    for (n, planned) in plans.iter().enumerate() {
+    for (n, &planned) in plans.iter().enumerate() {
         progress(planned.entry().name, n as f32 / plans.len() as f32);
         let all: anyhow::Result<Vec<Outcome>> = (0..seeds)
             .into_par_iter()

@@ -23,7 +23,7 @@ pub struct BenchArgs {
     /// "grip"), `seeds`, `fault` ("NAME[:DIRECTION]"), and what is `expect`ed ("goes-on", "stops",
     /// "stands"); see firmware-bridge/bench/
     pub script: PathBuf,
-    /// Write the results here as JUnit XML
+    /// Write the results here as XML of the `JUnit` kind
     #[arg(long, value_name = "FILE")]
     pub junit: Option<PathBuf>,
     /// Write the results here as JSON
@@ -140,14 +140,14 @@ fn play(lab: &Arc<Lab>, session: &Session, fault: Option<Planned>) -> anyhow::Re
         until_firm(&mut world).with_context(|| format!("session '{}'", session.name))?;
         let planned = match fault {
             Some(planned) => {
-                world.inject(&planned, seed);
+                world.inject(planned, seed);
                 planned
             }
             // nothing is lost by a gap that is not injected
             None => "gap-4".parse().map_err(|e: String| anyhow::anyhow!(e))?,
         };
         seconds += world.now_ns() as f64 * 1e-9;
-        let outcome = watch(world, &planned);
+        let outcome = watch(world, planned);
         seconds += 1.0;
         if let Some(why) = unmet(&outcome, session.expect) {
             failure = Some(format!("seed {seed}: {why}"));

@@ -7,7 +7,7 @@ use crate::fake::hand::Hold;
 use crate::fake::random::Random;
 use crate::fake::{Segment, Stroke};
 use osteon_protocol::device::DriveState;
-use osteon_protocol::firmware::limits::{MICRO_NM_PER_COUNT, SLEW_COUNTS_PER_MS};
+use osteon_protocol::firmware::limits::SLEW_COUNTS_PER_MS;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A torque below this is zero, N·mm: 4 mN at the stylus.
@@ -43,7 +43,7 @@ pub struct Outcome {
     pub stayed_zero: bool,
     /// Most work that the motors did on the arm from the beginning of the fault on, J.
     pub joules: f64,
-    /// Largest rise of a joint's torque in a millisecond over the drive's slew limit.
+    /// Largest rise of a joint's torque at the converters in a millisecond over the drive's slew limit.
     pub slew_share: f64,
     /// Commands that were applied although they were broken, old or nobody's.
     pub wrongly_applied: u32,
@@ -57,7 +57,7 @@ pub struct Outcome {
 
 impl Outcome {
     /// Whether all holds that is asked of this fault.
-    pub fn passes(&self, planned: &Planned) -> bool {
+    pub fn passes(&self, planned: Planned) -> bool {
         let entry = planned.fault.entry();
         let stop = if entry.benign {
             !self.stopped && self.went_on
@@ -120,7 +120,7 @@ pub fn until_firm(world: &mut World) -> anyhow::Result<()> {
 }
 
 /// Sessions that are firmly at work, to begin from: by hold and work.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub struct Bases(Vec<Mutex<World>>);
 
 impl Bases {
@@ -154,12 +154,7 @@ fn kinds() -> impl Iterator<Item = (Work, Hold)> {
 }
 
 /// Plays one fault with one seed.
-pub fn play(
-    lab: &Arc<Lab>,
-    bases: &Bases,
-    planned: &Planned,
-    seed: u64,
-) -> anyhow::Result<Outcome> {
+pub fn play(lab: &Arc<Lab>, bases: &Bases, planned: Planned, seed: u64) -> anyhow::Result<Outcome> {
     let mut random = Random::new(seed ^ 0xfa17);
     let world = match planned.fault {
         Fault::WrongSchema | Fault::WrongVersion => {
@@ -184,7 +179,7 @@ pub fn play(
 }
 
 // a session whose device or host was made so that it meets its wrap, or whose clocks differ
-fn built(lab: &Arc<Lab>, planned: &Planned, seed: u64) -> anyhow::Result<World> {
+fn built(lab: &Arc<Lab>, planned: Planned, seed: u64) -> anyhow::Result<World> {
     let (work, hold) = kinds()
         .nth((seed % 6) as usize)
         .unwrap_or((Work::Press, Hold::Grip));
@@ -219,11 +214,11 @@ fn built(lab: &Arc<Lab>, planned: &Planned, seed: u64) -> anyhow::Result<World> 
 }
 
 /// Lets the session run from the beginning of the fault to some time after its end.
-pub fn watch(mut world: World, planned: &Planned) -> Outcome {
+pub fn watch(mut world: World, planned: Planned) -> Outcome {
     let lasts = u64::from(planned.entry().lasts_ms);
     let begun = world.now_ns();
     let work_before = world.device().plant().motor_work();
-    let mut last = world.device().plant().torque_nmm();
+    let mut last = world.device().firmware().dac();
     let mut trace = Vec::new();
     let (mut joules, mut slew_share) = (0.0_f64, 0.0_f64);
     let mut stopped = false;
@@ -231,13 +226,12 @@ pub fn watch(mut world: World, planned: &Planned) -> Outcome {
     for _ in 0..lasts + RECOVERY_MS {
         let now = world.tick();
         joules = joules.max(world.device().plant().motor_work() - work_before);
+        let dac = world.device().firmware().dac();
         for joint in 0..3 {
-            let (from, to) = (last[joint], now.torque_nmm[joint]);
-            let base = if from * to > 0.0 { from.abs() } else { 0.0 };
-            let most = f64::from(SLEW_COUNTS_PER_MS[joint]) * f64::from(MICRO_NM_PER_COUNT) * 1e-3;
-            slew_share = slew_share.max((to.abs() - base) / most);
+            slew_share = slew_share
+                .max(rise(last[joint], dac[joint]) / f64::from(SLEW_COUNTS_PER_MS[joint]));
         }
-        last = now.torque_nmm;
+        last = dac;
         stopped |= !matches!(now.drive, DriveState::Active | DriveState::Hold);
         trace.push((world.now_ns(), torque(&now)));
         truth = Some(now);
@@ -260,6 +254,16 @@ pub fn watch(mut world: World, planned: &Planned) -> Outcome {
         went_on: running && drive == Some(DriveState::Active),
         named,
     }
+}
+
+// how much further from zero, counts; a change of sign starts from zero
+fn rise(from: i16, to: i16) -> f64 {
+    let base = if from.signum() == to.signum() {
+        from.unsigned_abs()
+    } else {
+        0
+    };
+    f64::from(to.unsigned_abs()) - f64::from(base)
 }
 
 /// When the torque became zero for 5 ms or more, and whether it stayed so until the fault's end.

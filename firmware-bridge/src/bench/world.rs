@@ -89,6 +89,14 @@ pub struct World {
     wrongly_applied: u32,
 }
 
+impl std::fmt::Debug for World {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("World")
+            .field("now", &self.now)
+            .finish_non_exhaustive()
+    }
+}
+
 impl World {
     /// A device that powers up, and a host that starts at the same time. `ppm`: how fast the device's clock is.
     pub fn new(lab: &Arc<Lab>, setup: DeviceSetup, ppm: i32, first_command: u16) -> Self {
@@ -141,7 +149,7 @@ impl World {
     }
 
     /// Makes a fault begin now.
-    pub fn inject(&mut self, planned: &Planned, seed: u64) {
+    pub fn inject(&mut self, planned: Planned, seed: u64) {
         let entry = planned.fault.entry();
         match (entry.place, planned.direction) {
             (Where::Sensors, _) => self.device.inject(planned.fault, seed),
@@ -226,7 +234,7 @@ impl World {
                 Ok(true) => Some(Phase::Running(Box::new(Loop::new(
                     (**servo).clone(),
                     (&self.end, &self.lab.scene, &self.lab.tools),
-                    Beat::new(self.now).from_command(self.first_command),
+                    Beat::new(self.now).counting_from(self.first_command),
                 )))),
                 Err(e) => Some(Phase::Over(e.to_string(), servo.clone())),
             },

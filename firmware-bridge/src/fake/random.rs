@@ -11,7 +11,7 @@ impl Random {
     }
 
     /// 64 bits.
-    pub fn next(&mut self) -> u64 {
+    pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -22,7 +22,7 @@ impl Random {
     /// A number in `0..below`; 0 where `below` is 0.
     pub fn below(&mut self, below: usize) -> usize {
         #[expect(clippy::cast_possible_truncation, reason = "smaller than `below`")]
-        let n = (self.next() % (below.max(1) as u64)) as usize;
+        let n = (self.bits() % (below.max(1) as u64)) as usize;
         n
     }
 
@@ -35,6 +35,7 @@ impl Random {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_possible_wrap,
+        clippy::cast_sign_loss,
         reason = "small ranges"
     )]
     pub fn within(&mut self, lo: i32, hi: i32) -> i32 {
@@ -43,7 +44,7 @@ impl Random {
 
     /// Uniform in [0, 1).
     pub fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// Normal with mean 0 and deviation 1: the sum of twelve uniform numbers less six.

@@ -171,8 +171,21 @@ impl Beat {
         }
     }
 
+    // A drive that was restarted, or disarmed for good, needs a new start.
+    fn watch_arming(&mut self, drive: DriveState) -> Result<(), Ending> {
+        if matches!(drive, DriveState::Boot | DriveState::Unhomed) {
+            return Err(Ending::Restarted);
+        }
+        let disarmed = drive == DriveState::Homed;
+        self.disarmed_run = if disarmed { self.disarmed_run + 1 } else { 0 };
+        if self.disarmed_run >= DISARMED_RUN {
+            return Err(Ending::Disarmed);
+        }
+        Ok(())
+    }
+
     /// Counts commands on from `seq`.
-    pub(crate) fn from_command(mut self, seq: u16) -> Self {
+    pub(crate) fn counting_from(mut self, seq: u16) -> Self {
         self.command_seq = seq;
         self
     }
@@ -194,15 +207,8 @@ pub(crate) fn one_beat(
         return Err(Ending::Silent);
     }
     let (requests, count) = take_requests(&mut thread.requests);
-    if fresh.is_some_and(|s| matches!(s.drive, DriveState::Boot | DriveState::Unhomed)) {
-        return Err(Ending::Restarted);
-    }
     if let Some(state) = fresh {
-        let disarmed = state.drive == DriveState::Homed;
-        beat.disarmed_run = if disarmed { beat.disarmed_run + 1 } else { 0 };
-    }
-    if beat.disarmed_run >= DISARMED_RUN {
-        return Err(Ending::Disarmed);
+        beat.watch_arming(state.drive)?;
     }
     let sample = fresh.map(|state| sample_of(&state, beat.command_seq));
     let epoch_before = thread.servo.cut().epoch();

@@ -17,7 +17,7 @@ pub const HOLD_UNTIL_MICROS: u64 = 5_000;
 pub const TRIP_MICROS: u64 = 20_000;
 /// Healthy commands for this time re-arm a tripped drive, µs.
 pub const REARM_MICROS: u64 = 50_000;
-/// A command that asks for torque and answers a state older than this is refused, µs: what comes
+/// A command that asks for torque and answers a state of this age or older is refused, µs: what comes
 /// late out of a queue must move no motor.
 pub const STALE_MICROS: u64 = 20_000;
 /// A longer gap between two commands is not healthy, µs.

@@ -293,7 +293,7 @@ impl Firmware {
     fn is_late(&self, command: CommandFrame) -> bool {
         let behind = u64::from(self.frame_seq.wrapping_sub(command.state_seq));
         let age = behind * u64::from(self.config.hello.period_micros);
-        command.torque != [0; 3] && age > STALE_MICROS
+        command.torque != [0; 3] && age >= STALE_MICROS
     }
 
     // What a fresh command asks of the drive.

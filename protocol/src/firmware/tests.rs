@@ -459,9 +459,9 @@ fn a_torque_that_answers_an_old_state_is_refused_and_a_zero_is_not() {
         rig.tell(HostMessage::Command(command));
         rig.tick()
     };
-    let frame = answer(&mut rig, 20, [101; 3]);
+    let frame = answer(&mut rig, 19, [101; 3]);
     assert_eq!((frame.applied, frame.refused), ([101; 3], 0));
-    let frame = answer(&mut rig, 21, [102; 3]);
+    let frame = answer(&mut rig, 20, [102; 3]);
     assert_eq!((frame.applied, frame.refused), ([101; 3], 1));
     let frame = answer(&mut rig, 5000, [0; 3]);
     assert_eq!((frame.applied, frame.refused), ([0; 3], 1));

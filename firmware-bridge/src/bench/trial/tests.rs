@@ -32,7 +32,7 @@ fn pulled_and_put_back_a_hundred_times_in_the_middle_of_a_cut() {
     until_firm(&mut world).expect("a cut");
     let plan: Planned = "unplug".parse().expect("a fault");
     for n in 0..100 {
-        world.inject(&plan, n);
+        world.inject(plan, n);
         let mut last = world.device().plant().torque_nmm();
         for ms in 0..700 {
             let truth = world.tick();
@@ -57,6 +57,6 @@ fn the_same_seed_gives_the_same_session() {
     let lab = Lab::new().expect("a phantom");
     let bases = Bases::new(&lab).expect("sessions");
     let plan: Planned = "flip-bits:to-device".parse().expect("a fault");
-    let play = |seed| play(&lab, &bases, &plan, seed).expect("a session");
+    let play = |seed| play(&lab, &bases, plan, seed).expect("a session");
     assert_eq!(play(3), play(3));
 }

@@ -147,38 +147,6 @@ impl Lane {
         }
         match fault {
             Fault::DropFrame | Fault::DropFrames | Fault::Gap4 | Fault::StopSending => {}
-            Fault::DropByte => {
-                frame.remove(self.random.below(frame.len()));
-                self.push(due, frame);
-            }
-            Fault::FlipBit => {
-                self.flip(&mut frame);
-                self.push(due, frame);
-            }
-            Fault::FlipBits => {
-                let whole = frame.clone();
-                // flips may undo each other
-                while frame == whole {
-                    for _ in 0..=self.random.below(8) {
-                        self.flip(&mut frame);
-                    }
-                }
-                self.push(due, frame);
-            }
-            Fault::InsertByte => {
-                self.insert(&mut frame);
-                self.push(due, frame);
-            }
-            Fault::InsertBytes => {
-                for _ in 0..=self.random.below(4) {
-                    self.insert(&mut frame);
-                }
-                self.push(due, frame);
-            }
-            Fault::Truncate => {
-                frame.truncate(1 + self.random.below(frame.len() - 1));
-                self.push(due, frame);
-            }
             Fault::Duplicate => {
                 self.push(due, frame.clone());
                 self.push(due, frame);
@@ -210,7 +178,37 @@ impl Lane {
                 let told = retold(fault, &frame).unwrap_or(frame);
                 self.push(due, told);
             }
-            _ => self.push(due, frame),
+            _ => {
+                self.damage(fault, &mut frame);
+                self.push(due, frame);
+            }
+        }
+    }
+
+    // what is done to the bytes of a frame
+    fn damage(&mut self, fault: Fault, frame: &mut Vec<u8>) {
+        match fault {
+            Fault::DropByte => {
+                frame.remove(self.random.below(frame.len()));
+            }
+            Fault::FlipBit => self.flip(frame),
+            Fault::FlipBits => {
+                let whole = frame.clone();
+                // flips may undo each other
+                while *frame == whole {
+                    for _ in 0..=self.random.below(8) {
+                        self.flip(frame);
+                    }
+                }
+            }
+            Fault::InsertByte => self.insert(frame),
+            Fault::InsertBytes => {
+                for _ in 0..=self.random.below(4) {
+                    self.insert(frame);
+                }
+            }
+            Fault::Truncate => frame.truncate(1 + self.random.below(frame.len() - 1)),
+            _ => {}
         }
     }
 
@@ -220,7 +218,7 @@ impl Lane {
     }
 
     fn insert(&mut self, frame: &mut Vec<u8>) {
-        let byte = self.random.next().to_le_bytes()[0];
+        let byte = self.random.bits().to_le_bytes()[0];
         // inside: a delimiter at an end would be an empty line
         frame.insert(1 + self.random.below(frame.len() - 2), byte);
     }

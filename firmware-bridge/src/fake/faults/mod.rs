@@ -33,7 +33,7 @@ pub const DEFAULT_AT_S: f64 = 3.0;
 
 impl Planned {
     /// What the catalogue says of it.
-    pub fn entry(&self) -> &'static Entry {
+    pub fn entry(self) -> &'static Entry {
         self.fault.entry()
     }
 }
