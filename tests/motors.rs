@@ -1,7 +1,9 @@
 //! Whatever ends the haptics process, the torque at the plant goes to zero: seen on the plant.
 #![expect(clippy::expect_used, reason = "what goes wrong here is a failed test")]
 
-use osteon_tests::{Running, fake, haptics, one_at_a_time, socket, stroke, text, truth, until};
+use osteon_tests::{
+    Running, fake, fake_with, haptics, one_at_a_time, socket, stroke, text, truth, until,
+};
 use rustix::process::Signal;
 use std::path::Path;
 use std::time::Duration;
@@ -138,4 +140,70 @@ fn a_device_that_goes_away_ends_the_session_with_a_reason() {
     let errors = text(dir.path(), "haptics.err");
     assert_eq!(status.code(), Some(1), "{errors}");
     assert!(errors.contains("device open:"), "{errors}");
+}
+
+/// Lines whose device time lies in `from..until`, s.
+fn between(lines: &[truth::Line], from: f64, until: f64) -> Vec<&truth::Line> {
+    let micros = |s: f64| s * 1e6;
+    let inside = |l: &&truth::Line| (micros(from)..micros(until)).contains(&(l.micros as f64));
+    lines.iter().filter(inside).collect()
+}
+
+/// In real time, over the pty: logic alone.
+#[test]
+fn faults_of_the_cable_stop_the_motors_and_the_session_goes_on_until_the_emergency_stop() {
+    let _turn = one_at_a_time();
+    let dir = tempfile::tempdir().expect("a folder");
+    let stroke = stroke::press(dir.path());
+    let faults = [
+        "drop-frames@8:to-host",
+        "flip-bits@9:to-device",
+        "e-stop@10",
+    ];
+    let more = faults.map(|fault| ["--fault", fault]).concat();
+    let mut device = fake_with(OSTEON, dir.path(), Some(&stroke), &more);
+    let mut haptics = haptics(OSTEON, dir.path(), &[]);
+    wait_for_press(dir.path());
+    until("the last fault", Duration::from_secs(40), || {
+        text(dir.path(), "fake.err").contains("e-stop")
+    });
+    std::thread::sleep(Duration::from_millis(500));
+    assert!(haptics.runs(), "it stands in the fault and says so");
+    haptics.signal(Signal::TERM);
+    assert!(haptics.wait(Duration::from_secs(20)).success());
+    device.signal(Signal::TERM);
+    assert!(device.wait(Duration::from_secs(10)).success());
+    let lines = truth::read(&dir.path().join("truth.csv"));
+    for at in [8.0, 9.0] {
+        let during = between(&lines, at + 0.03, at + 0.1);
+        assert!(
+            during.iter().all(|l| l.torque < 0.5),
+            "a torque while nothing gets through, {at} s"
+        );
+        let after = between(&lines, at + 0.1, at + 1.0);
+        assert!(after.iter().any(|l| l.torque > PRESSED), "{at} s: gone");
+    }
+    let stopped = between(&lines, 10.01, 1e3);
+    assert!(!stopped.is_empty());
+    assert!(stopped.iter().all(|l| !l.motors_on && l.torque < 1e-9));
+    assert!(stopped.iter().any(|l| l.drive == "fault"));
+}
+
+#[test]
+fn a_pulled_plug_ends_the_session_with_its_name() {
+    let _turn = one_at_a_time();
+    let dir = tempfile::tempdir().expect("a folder");
+    let stroke = stroke::press(dir.path());
+    let mut device = fake_with(OSTEON, dir.path(), Some(&stroke), &["--fault", "unplug@7"]);
+    let mut haptics = haptics(OSTEON, dir.path(), &[]);
+    let status = haptics.wait(Duration::from_secs(40));
+    let errors = text(dir.path(), "haptics.err");
+    assert_eq!(status.code(), Some(1), "{errors}");
+    assert!(errors.contains("gone"), "{errors}");
+    std::thread::sleep(Duration::from_millis(100));
+    device.signal(Signal::TERM);
+    assert!(device.wait(Duration::from_secs(10)).success());
+    let lines = truth::read(&dir.path().join("truth.csv"));
+    let out = between(&lines, 7.05, 1e3);
+    assert!(!out.is_empty() && out.iter().all(|l| !l.motors_on && l.torque < 1e-9));
 }

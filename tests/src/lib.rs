@@ -205,6 +205,11 @@ pub fn until(what: &str, limit: Duration, mut ready: impl FnMut() -> bool) {
 
 /// A simulated device at `DIR/omni`, its truth in `DIR/truth.csv`.
 pub fn fake(program: &str, dir: &Path, stroke: Option<&Path>) -> Running {
+    fake_with(program, dir, stroke, &[])
+}
+
+/// As [`fake`], with more options.
+pub fn fake_with(program: &str, dir: &Path, stroke: Option<&Path>, more: &[&str]) -> Running {
     let (link, truth) = (dir.join("omni"), dir.join("truth.csv"));
     let mut args = vec![
         "fake-omni".to_owned(),
@@ -216,6 +221,7 @@ pub fn fake(program: &str, dir: &Path, stroke: Option<&Path>) -> Running {
     if let Some(stroke) = stroke {
         args.extend(["--stroke".to_owned(), stroke.display().to_string()]);
     }
+    args.extend(more.iter().map(ToString::to_string));
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
     let device = Running::start(program, &args, dir, "fake");
     until(

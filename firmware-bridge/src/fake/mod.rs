@@ -6,6 +6,7 @@
 //! * [`port`]: the pty and its link name. [`truth`]: the ground truth file. [`mod@run`]: the process.
 
 pub mod device;
+mod disturb;
 pub mod faults;
 pub mod hand;
 pub mod plant;

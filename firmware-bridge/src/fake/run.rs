@@ -1,14 +1,17 @@
 //! The process `fake-omni`: the simulated device in real time behind a pty.
 
-use super::device::Device;
+use super::device::{Device, DeviceSetup};
+use super::disturb::{Disturbance, Plug};
+use super::faults::Planned;
+use super::hand::Hold;
 use super::port::Port;
 use super::stroke::Stroke;
 use super::truth::TruthLog;
 use crate::haptics::socket::{private_dir, runtime_dir};
 use crate::rt;
 use anyhow::Context as _;
-use osteon_protocol::device::{DeviceMessage, HostMessage};
-use osteon_protocol::frame::{FrameReader, MAX_FRAME, encode};
+use osteon_protocol::device::HostMessage;
+use osteon_protocol::frame::{FrameReader, MAX_FRAME};
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -42,7 +45,14 @@ pub struct FakeArgs {
     /// Stop after so many seconds of device time
     #[arg(long, value_name = "N", value_parser = parse_seconds)]
     pub seconds: Option<f64>,
-    /// Seed of nonces and of the encoders' values at power-up
+    /// Break something on purpose: NAME[@SECONDS][:DIRECTION], for example drop-frames@2.5:to-host; may be
+    /// given several times. A wrong name lists all; BENCH.md says what each does
+    #[arg(long, value_name = "FAULT")]
+    pub fault: Vec<Planned>,
+    /// Who holds the stylus
+    #[arg(long, value_enum, default_value_t)]
+    pub hold: Hold,
+    /// Seed of faults, nonces and of the encoders' values at power-up
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
     /// End when the starting process ends
@@ -97,7 +107,10 @@ pub struct Tally {
 #[derive(Debug)]
 struct Bench {
     device: Device,
-    port: Port,
+    // none while the plug is out
+    port: Option<Port>,
+    faults: Option<Disturbance>,
+    period_ns: u64,
     reader: FrameReader,
     truth: Option<TruthLog>,
     tally: Tally,
@@ -139,9 +152,19 @@ impl Bench {
             Some(path) => Some(TruthLog::create(path)?),
             None => None,
         };
+        let mut setup = DeviceSetup {
+            hold: args.hold,
+            ..DeviceSetup::new(stroke, args.seed)
+        };
+        let faults = (!args.fault.is_empty()).then(|| Disturbance::new(&args.fault, args.seed));
+        let period_ns = faults
+            .as_ref()
+            .map_or(PERIOD_NS, |f| f.build(&mut setup, PERIOD_NS));
         Ok(Self {
-            device: Device::new(stroke, args.seed),
-            port: Port::open(&args.link_path())?,
+            device: Device::build(setup),
+            port: Some(Port::open(&args.link_path())?),
+            faults,
+            period_ns,
             reader: FrameReader::new(),
             truth,
             tally: Tally::default(),
@@ -153,14 +176,14 @@ impl Bench {
         let mut out = std::io::stdout();
         writeln!(out, "fake-omni: ready at {}", args.link_path().display())?;
         out.flush()?;
-        self.serve(args.ticks(), stop);
+        self.serve(args, stop)?;
         self.finish()
     }
 
-    fn serve(&mut self, ticks: u64, stop: &AtomicBool) {
+    fn serve(&mut self, args: &FakeArgs, stop: &AtomicBool) -> anyhow::Result<()> {
         let mut deadline = rt::now_ns();
-        for _ in 0..ticks {
-            deadline += PERIOD_NS;
+        for _ in 0..args.ticks() {
+            deadline += self.period_ns;
             rt::sleep_until(deadline);
             if stop.load(Ordering::Relaxed) {
                 break;
@@ -170,57 +193,97 @@ impl Bench {
                 deadline += late;
                 self.tally.stalled_ms += late / PERIOD_NS;
             }
+            self.break_something(args)?;
             self.tick();
         }
+        Ok(())
+    }
+
+    fn break_something(&mut self, args: &FakeArgs) -> anyhow::Result<()> {
+        let Some(faults) = &mut self.faults else {
+            return Ok(());
+        };
+        let mut said = Vec::new();
+        let plug = faults.begin(&mut self.device, |line| said.push(line));
+        for line in said {
+            writeln!(std::io::stderr(), "fake-omni: {line}")?;
+        }
+        match plug {
+            Plug::Stay => {}
+            Plug::Pull => self.port = None,
+            Plug::PutBack => self.port = Some(Port::open(&args.link_path())?),
+        }
+        Ok(())
     }
 
     fn tick(&mut self) {
         self.device.simulate();
         self.receive();
-        let frame = self.device.tick();
+        let mut out = [0; MAX_FRAME];
+        let (state, frame) = self.device.tick_frame(&mut out);
         self.tally.frames += 1;
-        if !self.send(&DeviceMessage::State(frame)) {
+        if !self.send(frame) {
             self.tally.dropped += 1;
         }
         if let Some(truth) = &mut self.truth {
-            truth.push(self.device.truth(&frame));
+            truth.push(self.device.truth(&state));
         }
     }
 
     fn receive(&mut self) {
         let mut bytes = [0; READ_BYTES];
-        let count = self.port.read(&mut bytes);
-        for &byte in &bytes[..count] {
-            match self.reader.push::<HostMessage>(byte) {
-                Some(Ok(message)) => self.answer(message),
-                Some(Err(_)) => {
-                    self.tally.bad_frames += 1;
-                    self.device.count_bad_frame();
-                }
-                None => {}
+        let count = self.port.as_ref().map_or(0, |port| port.read(&mut bytes));
+        let came = match &mut self.faults {
+            Some(faults) => faults.pass_from_host(&bytes[..count]),
+            None => Vec::new(),
+        };
+        let came = if self.faults.is_some() {
+            came.as_slice()
+        } else {
+            &bytes[..count]
+        };
+        for &byte in came {
+            self.count(byte);
+            let mut out = [0; MAX_FRAME];
+            let answer = self.device.push(byte, &mut out);
+            if !answer.is_empty() {
+                // An answer that does not fit is lost like any other byte: the host asks again.
+                let _taken = self.send(answer);
             }
         }
         self.watch_for_a_gone_host(count);
     }
 
-    fn answer(&mut self, message: HostMessage) {
-        self.tally.commands += u64::from(matches!(message, HostMessage::Command(_)));
-        if let Some(answer) = self.device.receive(message) {
-            // An answer that does not fit is lost like any other byte: the host asks again.
-            let _taken = self.send(&answer);
+    fn count(&mut self, byte: u8) {
+        match self.reader.push::<HostMessage>(byte) {
+            Some(Ok(message)) => {
+                self.tally.commands += u64::from(matches!(message, HostMessage::Command(_)));
+            }
+            Some(Err(_)) => self.tally.bad_frames += 1,
+            None => {}
         }
     }
 
-    fn send(&mut self, message: &DeviceMessage) -> bool {
-        let mut buffer = [0; MAX_FRAME];
-        encode(message, &mut buffer).is_ok_and(|frame| self.port.write_frame(frame))
+    fn send(&mut self, frame: &[u8]) -> bool {
+        let Some(port) = &mut self.port else {
+            return false;
+        };
+        match &mut self.faults {
+            Some(faults) => faults
+                .pass_to_host(frame)
+                .chunks(MAX_FRAME)
+                .all(|piece| port.write_frame(piece)),
+            None => port.write_frame(frame),
+        }
     }
 
     fn watch_for_a_gone_host(&mut self, bytes: usize) {
         self.silent_ticks = if bytes > 0 { 0 } else { self.silent_ticks + 1 };
         if self.silent_ticks == HOST_GONE_TICKS {
             self.silent_ticks = 0;
-            self.port.release_claim();
+            if let Some(port) = &self.port {
+                port.release_claim();
+            }
         }
     }
 

@@ -2,7 +2,9 @@
 //! machine that runs this may stop either side for a while.
 
 use super::*;
+use osteon_protocol::device::DeviceMessage;
 use osteon_protocol::device::{CommandFrame, DeviceHello, DriveState, StateFrame, switch};
+use osteon_protocol::frame::encode;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read as _;
@@ -176,6 +178,8 @@ fn a_session_over_the_pty_from_hello_to_trip_and_back() {
         stroke: Some(stroke),
         truth: Some(dir.path().join("truth.csv")),
         seconds: Some(60.0),
+        fault: Vec::new(),
+        hold: Hold::default(),
         seed: 5,
         die_with_parent: false,
     };
@@ -260,6 +264,8 @@ fn a_host_that_does_not_read_costs_frames_and_nothing_else() {
         stroke: None,
         truth: Some(dir.path().join("truth.csv")),
         seconds: Some(1.5),
+        fault: Vec::new(),
+        hold: Hold::default(),
         seed: 6,
         die_with_parent: false,
     };
@@ -284,6 +290,8 @@ fn the_haptics_process_link_drives_it_and_a_second_host_takes_over() {
         stroke: Some(stroke),
         truth: Some(dir.path().join("truth.csv")),
         seconds: Some(60.0),
+        fault: Vec::new(),
+        hold: Hold::default(),
         seed: 8,
         die_with_parent: false,
     };
