@@ -242,3 +242,36 @@ fn left_over_bytes_and_unknown_messages_are_refused() {
 fn empty_lines_say_nothing() {
     assert!(read_new::<HostMessage>(&[0; 100]).is_empty());
 }
+
+/// A bounded run of `examples/damage.rs`: no damaged command is read as another one.
+#[test]
+fn damaged_commands_are_never_another_message() {
+    let mut random = 7_u64;
+    let mut next = move || {
+        // xorshift
+        random ^= random << 13;
+        random ^= random >> 7;
+        random ^= random << 17;
+        random
+    };
+    let (mut read_as_another, mut tried) = (0, 0);
+    for _ in 0..200_000 {
+        let torque = [(); 3].map(|()| i16::from_le_bytes([next().to_le_bytes()[0], 3]));
+        let message = HostMessage::Command(CommandFrame {
+            seq: 1 + (next() & 0x7fff) as u16,
+            state_seq: (next() & 0xffff) as u16,
+            torque,
+            enable: true,
+        });
+        let mut bytes = framed(&message);
+        for _ in 0..=(next() % 8) {
+            let bit = usize::from((next() & 0xffff) as u16) % (bytes.len() * 8);
+            bytes[bit / 8] ^= 1 << (bit % 8);
+        }
+        bytes.push(0);
+        tried += 1;
+        let read = read_new::<HostMessage>(&bytes);
+        read_as_another += read.iter().flatten().filter(|m| **m != message).count();
+    }
+    assert_eq!((read_as_another, tried), (0, 200_000));
+}
