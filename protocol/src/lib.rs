@@ -26,3 +26,4 @@ pub mod ipc_frame;
 mod ipc_pack;
 #[cfg(feature = "std")]
 mod ipc_valid;
+pub mod omni_raw;

@@ -23,6 +23,7 @@ pub mod merge;
 pub mod omni;
 pub mod plan;
 pub mod pose;
+pub mod pots;
 pub mod proxy;
 pub mod register;
 pub mod sample;

@@ -6,6 +6,7 @@
 
 mod host;
 mod junit;
+pub mod pose;
 mod script;
 pub mod trial;
 pub mod world;

@@ -207,3 +207,6 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
     );
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;

@@ -11,6 +11,7 @@ pub mod faults;
 pub mod hand;
 pub mod plant;
 pub mod port;
+pub mod pots;
 pub mod random;
 pub mod run;
 pub mod stroke;
