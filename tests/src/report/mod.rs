@@ -5,6 +5,7 @@ pub mod carving;
 pub mod faults;
 mod machine;
 pub mod plot;
+pub mod pose;
 pub mod stability;
 pub mod table;
 
@@ -19,6 +20,8 @@ pub enum Report {
     Carving(carving::CarvingArgs),
     /// Every fault of cable and device, in lockstep: time to zero torque, energy, recovery
     Faults(faults::FaultsArgs),
+    /// Where the host takes the stylus to be, against the plant's truth: at rest, in motion, with potentiometers
+    Pose(pose::PoseArgs),
     /// How still, safe and true the force loop is, with its hard cases and other programs' defects beside it
     Stability(stability::StabilityArgs),
 }
@@ -28,6 +31,7 @@ pub fn run(report: &Report) -> Result<()> {
     match report {
         Report::Carving(args) => carving::run(args),
         Report::Faults(args) => faults::run(args),
+        Report::Pose(args) => pose::run(args),
         Report::Stability(args) => stability::run(args),
     }
 }

@@ -60,3 +60,30 @@ fn the_same_seed_gives_the_same_session() {
     let play = |seed| play(&lab, &bases, plan, seed).expect("a session");
     assert_eq!(play(3), play(3));
 }
+
+/// Control: the counters of the wrap's sessions do wrap while the session is watched.
+#[test]
+fn the_counters_wrap_while_they_are_watched() {
+    let lab = Lab::new().expect("a phantom");
+    for (name, seed) in [("seq-wrap:to-host", 3), ("seq-wrap:to-device", 4)] {
+        let plan: Planned = name.parse().expect("a fault");
+        let mut world = built(&lab, plan, seed).expect("a session");
+        let counter = |world: &World| match plan.direction {
+            Direction::ToHost => world
+                .device()
+                .firmware()
+                .newest_command()
+                .map(|c| c.state_seq),
+            _ => world.device().firmware().newest_command().map(|c| c.seq),
+        };
+        let before = counter(&world).expect("a command");
+        for _ in 0..RECOVERY_MS {
+            world.tick();
+        }
+        let after = counter(&world).expect("a command");
+        assert!(
+            before > 60_000 && after < 5_000,
+            "{name}: {before} to {after}"
+        );
+    }
+}
