@@ -1,7 +1,7 @@
 //! The process `fake-omni`: the simulated device in real time behind a pty.
 
+use super::cable::Cable;
 use super::device::Device;
-use super::port::Port;
 use super::stroke::Stroke;
 use super::truth::TruthLog;
 use crate::haptics::socket::{private_dir, runtime_dir};
@@ -10,15 +10,18 @@ use anyhow::Context as _;
 use osteon_protocol::device::{DeviceMessage, HostMessage};
 use osteon_protocol::frame::{FrameReader, MAX_FRAME, encode};
 use std::io::Write as _;
+use std::os::fd::OwnedFd;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 
 /// One above the servo's: the device must not starve under its host's load.
 const PRIORITY: u8 = rt::SERVO_PRIORITY + 1;
-const PERIOD_NS: u64 = 1_000_000;
+pub(super) const PERIOD_NS: u64 = 1_000_000;
 /// A wake-up later than this is not caught up: the device's world stands still instead, or the
 /// watchdog would trip for a stall of the simulation.
-const MAX_CATCH_UP_NS: u64 = 4 * PERIOD_NS;
+pub(super) const MAX_CATCH_UP_NS: u64 = 4 * PERIOD_NS;
 /// Most bytes read in one tick: 227 commands.
 const READ_BYTES: usize = 4096;
 /// A host that says nothing for so many ticks has left.
@@ -28,7 +31,8 @@ const HOST_GONE_TICKS: u32 = 500;
 #[derive(Debug, Clone, clap::Args)]
 pub struct FakeArgs {
     /// Symbolic link to the serial port that a host opens [default: fake-omni in the user's runtime
-    /// directory]
+    /// directory]; packet:PATH serves the same frames as 64-byte reports on a socket; hfab2:PATH and
+    /// hfab3:PATH speak the text protocol of a vintage Phantom and of `WoodenHaptics`
     #[arg(long, value_name = "PATH")]
     pub link: Option<PathBuf>,
     /// What the simulated hand does: JSON with `segments` of `name`, `goal_mm`, `axis`, `speed_mm_s`,
@@ -68,7 +72,7 @@ impl FakeArgs {
         clippy::cast_sign_loss,
         reason = "the cast saturates at zero and at the end of time"
     )]
-    fn ticks(&self) -> u64 {
+    pub(super) fn ticks(&self) -> u64 {
         self.seconds.map_or(u64::MAX, |s| (s * 1000.0) as u64)
     }
 }
@@ -97,7 +101,7 @@ pub struct Tally {
 #[derive(Debug)]
 struct Bench {
     device: Device,
-    port: Port,
+    port: Cable,
     reader: FrameReader,
     truth: Option<TruthLog>,
     tally: Tally,
@@ -110,6 +114,10 @@ pub fn run(args: &FakeArgs) -> anyhow::Result<()> {
         rt::die_with_parent().context("fake-omni: cannot follow the starting process")?;
     }
     let stop = crate::stop::on_signals()?;
+    if let Some((model, link)) = super::hfab::asked_for(&args.link_path()) {
+        ask_rights()?;
+        return super::hfab::run(model, &link, args, &stop);
+    }
     if args.link.is_none() {
         private_dir(&runtime_dir())?;
     }
@@ -118,8 +126,45 @@ pub fn run(args: &FakeArgs) -> anyhow::Result<()> {
     bench.go(args, &stop)
 }
 
+/// A simulated device as a thread of this process.
+#[derive(Debug)]
+pub(crate) struct InProcess {
+    pub stroke: Stroke,
+    pub seed: u64,
+    pub truth: Option<PathBuf>,
+}
+
+impl InProcess {
+    /// Starts the thread; `end` is its end of a socket of packets. It ends with `stop`.
+    pub(crate) fn start(
+        self,
+        end: OwnedFd,
+        stop: Arc<AtomicBool>,
+    ) -> anyhow::Result<JoinHandle<()>> {
+        let truth = self.truth.as_deref().map(TruthLog::create).transpose()?;
+        let mut bench = Bench {
+            device: Device::new(self.stroke, self.seed),
+            port: Cable::connected(end),
+            reader: FrameReader::new(),
+            truth,
+            tally: Tally::default(),
+            silent_ticks: 0,
+        };
+        let thread = std::thread::Builder::new()
+            .name("simulated-device".to_owned())
+            .spawn(move || {
+                // refused rights are those that the servo thread is refused, too
+                let _right = rt::set_fifo(PRIORITY);
+                bench.serve(u64::MAX, &stop);
+                // a truth file that fails is a test that fails
+                let _written = bench.truth.map_or(Ok(()), TruthLog::finish);
+            })?;
+        Ok(thread)
+    }
+}
+
 /// A refusal is said, and the device runs without.
-fn ask_rights() -> anyhow::Result<()> {
+pub(super) fn ask_rights() -> anyhow::Result<()> {
     let mut warnings = std::io::stderr();
     for right in [rt::lock_memory(), rt::set_fifo(PRIORITY)] {
         if !right.granted() {
@@ -141,7 +186,7 @@ impl Bench {
         };
         Ok(Self {
             device: Device::new(stroke, args.seed),
-            port: Port::open(&args.link_path())?,
+            port: Cable::open(&args.link_path())?,
             reader: FrameReader::new(),
             truth,
             tally: Tally::default(),
