@@ -9,6 +9,7 @@ use glam::{DQuat, DVec3};
 use osteon_firmware_bridge::link::{DeviceLink as _, OpenLink};
 use osteon_firmware_bridge::scene::{SceneArgs, load};
 use osteon_protocol::device::{CommandFrame, DriveState};
+use osteon_sim_core::arm::Arm;
 use osteon_sim_core::chain::Guard;
 use osteon_sim_core::feel::Feel;
 use osteon_sim_core::omni;
@@ -50,6 +51,7 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 const DEVICE: DeviceScale = DeviceScale {
+    arm: Arm::Omni,
     counts_per_rev: 15_000,
     gimbal_counts_per_rev: 16_384,
     dac_max: 2047,
@@ -171,7 +173,7 @@ fn the_link_allocates_nothing_whoever_reads_the_cable() {
     assert_eq!(COUNT.with(Cell::get), before);
     assert!(active && heard > 300, "{heard} states");
     // and with the relay, as in a session
-    link.start_relay().expect("a thread");
+    link.start().expect("a thread");
     let before = COUNT.with(Cell::get);
     let (heard, _) = talk(&mut link, &mut seq);
     assert_eq!(COUNT.with(Cell::get), before);

@@ -18,6 +18,9 @@ pub const STATE_FRAME_BYTES: usize = 49;
 /// Bytes of every frame that carries a [`crate::device::CommandFrame`], delimiter included.
 pub const COMMAND_FRAME_BYTES: usize = 18;
 
+/// Bytes of a HID report (and of a packet) that carries one frame.
+pub const REPORT_BYTES: usize = 64;
+
 const CRC_BYTES: usize = 4;
 const DELIMITER: u8 = 0;
 // COBS adds one byte to a body of up to 254.
@@ -69,6 +72,16 @@ pub fn encode<'a, T: Serialize>(
     };
     out[coded] = DELIMITER;
     Ok(&out[..=coded])
+}
+
+/// A frame as a HID report without a number: the frame, then zeros. Zeros after a frame are empty lines, so
+/// a [`FrameReader`] reads reports and a serial line alike. `None` where `frame` is longer than
+/// [`MAX_FRAME`].
+pub fn report(frame: &[u8]) -> Option<[u8; REPORT_BYTES]> {
+    let mut report = [0; REPORT_BYTES];
+    let room = report[..MAX_FRAME].get_mut(..frame.len())?;
+    room.copy_from_slice(frame);
+    Some(report)
 }
 
 /// Whether 16-bit sequence number `seq` comes after `than`: serial-number arithmetic, so that it

@@ -3,6 +3,7 @@
 //! * [`device`]: the link between the haptics process and a device (or its simulation): COBS frames
 //!   of at most 63 bytes with CRC-32C. `no_std`, no allocation: a microcontroller can use it.
 //!   [`frame`] makes the bytes, [`firmware`] is the device's side as a state machine.
+//! * [`hfab`]: the text lines of open Phantom-class controllers, likewise `no_std`.
 //! * [`ipc`] (feature `std`): the messages between the haptics process and a viewer.
 //!   [`ipc_frame`] makes the bytes, packs bone and cut, and checks every range on arrival.
 //!
@@ -18,6 +19,7 @@ pub mod device;
 pub mod firmware;
 mod fixed;
 pub mod frame;
+pub mod hfab;
 #[cfg(feature = "std")]
 pub mod ipc;
 #[cfg(feature = "std")]

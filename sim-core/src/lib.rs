@@ -9,6 +9,7 @@
 #![forbid(unsafe_code)]
 
 mod aligned;
+pub mod arm;
 pub mod bone;
 pub mod broad;
 pub mod carry;

@@ -19,7 +19,6 @@ use crate::carry::Carry;
 use crate::chain::{Guard, GuardCounts, OutputChain};
 use crate::cut::{Cut, MAX_TOOLS};
 use crate::feel::FIELDS;
-use crate::omni;
 use crate::pose::Pose;
 use crate::proxy::{Proxy, Reaction, Surroundings};
 use crate::register::Workspace;
@@ -80,7 +79,7 @@ impl Servo {
             cut: Cut::new(&setup.bone),
             carry: Carry::default(),
             chain: OutputChain::new(setup.force_limit_n, &setup.feel),
-            intake: Intake::new(),
+            intake: Intake::new(setup.device.arm),
             workspace: Workspace::new(&setup.bone_from_base, setup.feel.motion_scale),
             bone_from_device: Pose::IDENTITY,
             proxy: Proxy::default(),
@@ -247,7 +246,8 @@ impl Servo {
     /// The energy account: the torque in force from this sample on, without its vibration.
     fn observe_energy(&mut self, sample: &Sample) {
         let device = &self.setup.device;
-        let applied = DVec3::from_array(sample.applied.map(f64::from)) * device.nmm_per_count;
+        let counts = DVec3::from_array(sample.applied.map(f64::from));
+        let applied = counts * device.nmm_per_count * device.arm.gear();
         let buzz = match usize::from(sample.ack_age) {
             age @ 1..=REMEMBERED => self.buzzed[age - 1],
             _ => DVec3::ZERO,
@@ -421,10 +421,11 @@ impl Servo {
     ) -> TickOutput {
         let torque = self.torque_counts(force_in_base);
         self.buzzed.rotate_right(1);
-        self.buzzed[0] = omni::torque_from_force(self.intake.angles(), buzz);
+        let arm = self.setup.device.arm;
+        self.buzzed[0] = arm.torque(self.intake.angles(), buzz);
         TickOutput {
             torque,
-            stylus_in_base: omni::forward(self.intake.angles()),
+            stylus_in_base: arm.forward(self.intake.angles()),
             bone_from_device: self.bone_from_device,
             bone_from_tool: self.proxy.bone_from_tool,
             force_n: self.workspace.bone_from_base(force_in_base),
@@ -458,8 +459,8 @@ impl Servo {
     /// Jᵀ F in DAC counts; the vector is scaled into the range, never an axis alone.
     fn torque_counts(&mut self, force_in_base: DVec3) -> [i16; 3] {
         let device = self.setup.device;
-        let torque =
-            omni::torque_from_force(self.intake.angles(), force_in_base) / device.nmm_per_count;
+        let joints = device.arm.torque(self.intake.angles(), force_in_base);
+        let torque = joints / device.arm.gear() / device.nmm_per_count;
         if !torque.is_finite() {
             self.chain.counts.note(Guard::NotFinite);
             return [0; 3];

@@ -4,11 +4,10 @@ use crate::haptics::record::Record;
 use crate::haptics::resync::Resync;
 use crate::haptics::servo_loop::{Beat, Ending, ServoThread, Timing, one_beat};
 use crate::link::inbox::{Arrivals, Inbox};
-use crate::link::{DeviceLink, LinkError, LinkStats};
+use crate::link::{DeviceInfo, DeviceLink, LinkError, LinkStats};
 use crate::scene::Scene;
 use osteon_protocol::device::{
-    CommandFrame, DEVICE_SCHEMA, DEVICE_VERSION, DeviceHello, DriveState, HostMessage, StateFrame,
-    switch,
+    CommandFrame, DEVICE_SCHEMA, DEVICE_VERSION, DriveState, HostMessage, StateFrame, switch,
 };
 use osteon_protocol::firmware::DriveConfig;
 use osteon_protocol::frame::{MAX_FRAME, encode};
@@ -75,12 +74,12 @@ impl Shared {
 
 struct LockstepLink {
     end: Shared,
-    hello: DeviceHello,
+    info: DeviceInfo,
 }
 
 impl DeviceLink for LockstepLink {
-    fn info(&self) -> &DeviceHello {
-        &self.hello
+    fn info(&self) -> &DeviceInfo {
+        &self.info
     }
     fn poll(&mut self) -> Result<Option<StateFrame>, LinkError> {
         Ok(self.end.lock().arrivals()?.state)
@@ -181,7 +180,7 @@ impl Loop {
         let (requests, request_out) = RingBuffer::new(8);
         let link = LockstepLink {
             end: end.clone(),
-            hello: DriveConfig::omni(1).hello,
+            info: DeviceInfo::omni(&DriveConfig::omni(1).hello),
         };
         let thread = ServoThread {
             resync: Resync::new(&scene.bone, tools.to_vec()),

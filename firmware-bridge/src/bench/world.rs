@@ -8,12 +8,14 @@ use crate::fake::device::{Device, DeviceSetup, Truth};
 use crate::fake::faults::{Direction, Fault, Lane, Planned, Where};
 use crate::haptics::servo_loop::Beat;
 use crate::haptics::session::ending_text;
+use crate::link::DeviceInfo;
 use crate::scene::{Scene, SceneArgs, load};
 use osteon_protocol::device::{CommandFrame, DEVICE_SCHEMA, DEVICE_VERSION, HostMessage};
+use osteon_protocol::firmware::DriveConfig;
 use osteon_protocol::frame::{FrameReader, MAX_FRAME, encode};
 use osteon_sim_core::feel::Feel;
 use osteon_sim_core::register::bone_from_base;
-use osteon_sim_core::servo::{DeviceScale, Servo, ServoSetup};
+use osteon_sim_core::servo::{Servo, ServoSetup};
 use osteon_sim_core::tool::Tool;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -43,12 +45,7 @@ impl Lab {
             tools: tools.clone(),
             bone_from_base: bone_from_base(&scene.bone_from_plan, scene.bone.lps_from_bone()),
             bone_from_plan: scene.bone_from_plan,
-            device: DeviceScale {
-                counts_per_rev: 15_000,
-                gimbal_counts_per_rev: 16_384,
-                dac_max: 2047,
-                nmm_per_count: 0.215,
-            },
+            device: DeviceInfo::omni(&DriveConfig::omni(1).hello).scale,
             force_limit_n: 3.3,
             feel: Feel::default(),
         };

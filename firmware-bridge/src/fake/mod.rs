@@ -3,12 +3,15 @@
 //! * [`osteon_protocol::firmware`]: the drive, the same that a microcontroller would run.
 //! * [`plant`]: the arm. [`hand`]: who holds it. [`stroke`]: what the hand is to do.
 //! * [`device`]: the three together, in device time. [`faults`]: what goes wrong with them on purpose.
-//! * [`port`]: the pty and its link name. [`truth`]: the ground truth file. [`mod@run`]: the process.
+//! * [`cable`]: a pty ([`port`]) or packets on a socket; [`hfab`]: an arm that speaks text lines instead.
+//!   [`truth`]: the ground truth file. [`mod@run`]: the process.
 
+pub mod cable;
 pub mod device;
 mod disturb;
 pub mod faults;
 pub mod hand;
+pub mod hfab;
 pub mod plant;
 pub mod port;
 pub mod pots;

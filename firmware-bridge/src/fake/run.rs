@@ -1,10 +1,10 @@
 //! The process `fake-omni`: the simulated device in real time behind a pty.
 
+use super::cable::Cable;
 use super::device::{Device, DeviceSetup};
 use super::disturb::{Disturbance, Plug};
 use super::faults::Planned;
 use super::hand::Hold;
-use super::port::Port;
 use super::stroke::Stroke;
 use super::truth::TruthLog;
 use crate::haptics::socket::{private_dir, runtime_dir};
@@ -13,15 +13,18 @@ use anyhow::Context as _;
 use osteon_protocol::device::HostMessage;
 use osteon_protocol::frame::{FrameReader, MAX_FRAME};
 use std::io::Write as _;
+use std::os::fd::OwnedFd;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 
 /// One above the servo's: the device must not starve under its host's load.
 const PRIORITY: u8 = rt::SERVO_PRIORITY + 1;
-const PERIOD_NS: u64 = 1_000_000;
+pub(super) const PERIOD_NS: u64 = 1_000_000;
 /// A wake-up later than this is not caught up: the device's world stands still instead, or the
 /// watchdog would trip for a stall of the simulation.
-const MAX_CATCH_UP_NS: u64 = 4 * PERIOD_NS;
+pub(super) const MAX_CATCH_UP_NS: u64 = 4 * PERIOD_NS;
 /// Most bytes read in one tick: 227 commands.
 const READ_BYTES: usize = 4096;
 /// A host that says nothing for so many ticks has left.
@@ -31,7 +34,8 @@ const HOST_GONE_TICKS: u32 = 500;
 #[derive(Debug, Clone, clap::Args)]
 pub struct FakeArgs {
     /// Symbolic link to the serial port that a host opens [default: fake-omni in the user's runtime
-    /// directory]
+    /// directory]; packet:PATH serves the same frames as 64-byte reports on a socket; hfab2:PATH and
+    /// hfab3:PATH speak the text protocol of a vintage Phantom and of `WoodenHaptics`
     #[arg(long, value_name = "PATH")]
     pub link: Option<PathBuf>,
     /// What the simulated hand does: JSON with `segments` of `name`, `goal_mm`, `axis`, `speed_mm_s`,
@@ -78,7 +82,7 @@ impl FakeArgs {
         clippy::cast_sign_loss,
         reason = "the cast saturates at zero and at the end of time"
     )]
-    fn ticks(&self) -> u64 {
+    pub(super) fn ticks(&self) -> u64 {
         self.seconds.map_or(u64::MAX, |s| (s * 1000.0) as u64)
     }
 }
@@ -108,7 +112,7 @@ pub struct Tally {
 struct Bench {
     device: Device,
     // none while the plug is out
-    port: Option<Port>,
+    port: Option<Cable>,
     faults: Option<Disturbance>,
     period_ns: u64,
     reader: FrameReader,
@@ -123,6 +127,10 @@ pub fn run(args: &FakeArgs) -> anyhow::Result<()> {
         rt::die_with_parent().context("fake-omni: cannot follow the starting process")?;
     }
     let stop = crate::stop::on_signals()?;
+    if let Some((model, link)) = super::hfab::asked_for(&args.link_path()) {
+        ask_rights()?;
+        return super::hfab::run(model, &link, args, &stop);
+    }
     if args.link.is_none() {
         private_dir(&runtime_dir())?;
     }
@@ -131,8 +139,47 @@ pub fn run(args: &FakeArgs) -> anyhow::Result<()> {
     bench.go(args, &stop)
 }
 
+/// A simulated device as a thread of this process.
+#[derive(Debug)]
+pub(crate) struct InProcess {
+    pub stroke: Stroke,
+    pub seed: u64,
+    pub truth: Option<PathBuf>,
+}
+
+impl InProcess {
+    /// Starts the thread; `end` is its end of a socket of packets. It ends with `stop`.
+    pub(crate) fn start(
+        self,
+        end: OwnedFd,
+        stop: Arc<AtomicBool>,
+    ) -> anyhow::Result<JoinHandle<()>> {
+        let truth = self.truth.as_deref().map(TruthLog::create).transpose()?;
+        let mut bench = Bench {
+            device: Device::new(self.stroke, self.seed),
+            port: Some(Cable::connected(end)),
+            faults: None,
+            period_ns: PERIOD_NS,
+            reader: FrameReader::new(),
+            truth,
+            tally: Tally::default(),
+            silent_ticks: 0,
+        };
+        let thread = std::thread::Builder::new()
+            .name("simulated-device".to_owned())
+            .spawn(move || {
+                // refused rights are those that the servo thread is refused, too
+                let _right = rt::set_fifo(PRIORITY);
+                bench.stream(&stop);
+                // a truth file that fails is a test that fails
+                let _written = bench.truth.map_or(Ok(()), TruthLog::finish);
+            })?;
+        Ok(thread)
+    }
+}
+
 /// A refusal is said, and the device runs without.
-fn ask_rights() -> anyhow::Result<()> {
+pub(super) fn ask_rights() -> anyhow::Result<()> {
     let mut warnings = std::io::stderr();
     for right in [rt::lock_memory(), rt::set_fifo(PRIORITY)] {
         if !right.granted() {
@@ -162,7 +209,7 @@ impl Bench {
             .map_or(PERIOD_NS, |f| f.build(&mut setup, PERIOD_NS));
         Ok(Self {
             device: Device::build(setup),
-            port: Some(Port::open(&args.link_path())?),
+            port: Some(Cable::open(&args.link_path())?),
             faults,
             period_ns,
             reader: FrameReader::new(),
@@ -180,18 +227,31 @@ impl Bench {
         self.finish()
     }
 
+    // without faults, until `stop`
+    fn stream(&mut self, stop: &AtomicBool) {
+        let mut deadline = rt::now_ns();
+        while self.in_time(&mut deadline, stop) {
+            self.tick();
+        }
+    }
+
+    // waits for the next period; false where the process shall end
+    fn in_time(&mut self, deadline: &mut u64, stop: &AtomicBool) -> bool {
+        *deadline += self.period_ns;
+        rt::sleep_until(*deadline);
+        let late = rt::now_ns().saturating_sub(*deadline);
+        if late > MAX_CATCH_UP_NS {
+            *deadline += late;
+            self.tally.stalled_ms += late / PERIOD_NS;
+        }
+        !stop.load(Ordering::Relaxed)
+    }
+
     fn serve(&mut self, args: &FakeArgs, stop: &AtomicBool) -> anyhow::Result<()> {
         let mut deadline = rt::now_ns();
         for _ in 0..args.ticks() {
-            deadline += self.period_ns;
-            rt::sleep_until(deadline);
-            if stop.load(Ordering::Relaxed) {
+            if !self.in_time(&mut deadline, stop) {
                 break;
-            }
-            let late = rt::now_ns().saturating_sub(deadline);
-            if late > MAX_CATCH_UP_NS {
-                deadline += late;
-                self.tally.stalled_ms += late / PERIOD_NS;
             }
             self.break_something(args)?;
             self.tick();
@@ -211,7 +271,7 @@ impl Bench {
         match plug {
             Plug::Stay => {}
             Plug::Pull => self.port = None,
-            Plug::PutBack => self.port = Some(Port::open(&args.link_path())?),
+            Plug::PutBack => self.port = Some(Cable::open(&args.link_path())?),
         }
         Ok(())
     }
@@ -232,7 +292,7 @@ impl Bench {
 
     fn receive(&mut self) {
         let mut bytes = [0; READ_BYTES];
-        let count = self.port.as_ref().map_or(0, |port| port.read(&mut bytes));
+        let count = self.port.as_mut().map_or(0, |port| port.read(&mut bytes));
         let came = match &mut self.faults {
             Some(faults) => faults.pass_from_host(&bytes[..count]),
             None => Vec::new(),

@@ -27,6 +27,7 @@ pub use session::small_tools;
 pub use stats::{LATE_NS, Quantiles};
 
 use crate::feel::{self, FeelArgs};
+use crate::link::DeviceSpec;
 use crate::scene::SceneArgs;
 use crate::tools::ToolArgs;
 use std::path::PathBuf;
@@ -34,9 +35,12 @@ use std::path::PathBuf;
 /// Options of the haptics process.
 #[derive(Debug, Clone, clap::Args)]
 pub struct HapticsArgs {
-    /// Device to own: open:PATH (serial port of an open controller or of 'osteon fake-omni')
+    /// Device to own: open:PATH[@BAUD] (open controller on a serial port, or 'osteon fake-omni'),
+    /// hid:VID:PID (the same as HID reports), hfab:PATH (`WoodenHaptics`, vintage Phantom),
+    /// openhaptics[:NAME] (Omni, Touch through 3D Systems' library), packet:PATH (reports over a socket),
+    /// sim[:STROKE.json] (simulated, in this process); 'osteon devices' lists what is there
     #[arg(long, value_name = "KIND:PATH", default_value_t = default_device())]
-    pub device: String,
+    pub device: DeviceSpec,
     /// Socket for viewers [default: haptics.sock in the user's runtime directory]
     #[arg(long, value_name = "PATH")]
     pub socket: Option<PathBuf>,
@@ -69,8 +73,13 @@ pub struct HapticsArgs {
     pub panic_at_tick: Option<u64>,
 }
 
-fn default_device() -> String {
-    format!("open:{}", crate::fake::run::default_link().display())
+/// The device where none is named: the simulated one, by its default name.
+pub fn default_device() -> DeviceSpec {
+    let path = crate::fake::run::default_link().display().to_string();
+    DeviceSpec::Open {
+        path,
+        baud: crate::link::BAUD,
+    }
 }
 
 /// The socket used where none is named.

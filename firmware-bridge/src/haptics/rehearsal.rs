@@ -6,11 +6,12 @@ use super::mirror::Mirror;
 use super::record::Record;
 use super::resync::Resync;
 use super::servo_loop::{Beat, ServoThread, Timing, one_beat};
-use crate::link::{DeviceLink, LinkError, LinkStats};
+use crate::link::{DeviceInfo, DeviceLink, LinkError, LinkStats};
 use crate::rt::now_ns;
 use crate::scene::{Scene, SceneArgs, load};
 use glam::{DQuat, DVec3};
 use osteon_protocol::device::{CommandFrame, DeviceHello, DriveState, StateFrame};
+use osteon_sim_core::arm::Arm;
 use osteon_sim_core::cut::CutDigest;
 use osteon_sim_core::feel::Feel;
 use osteon_sim_core::omni;
@@ -73,6 +74,7 @@ type Sent = Arc<Mutex<Vec<[i16; 3]>>>;
 
 /// A device that goes up and down the planned axis, 15 to −5 mm, every 8 s.
 struct Scripted {
+    info: DeviceInfo,
     seq: u16,
     sent: Sent,
 }
@@ -105,8 +107,8 @@ fn state(seq: u16) -> Option<StateFrame> {
 }
 
 impl DeviceLink for Scripted {
-    fn info(&self) -> &DeviceHello {
-        &HELLO
+    fn info(&self) -> &DeviceInfo {
+        &self.info
     }
     fn poll(&mut self) -> Result<Option<StateFrame>, LinkError> {
         self.seq += 1;
@@ -158,6 +160,7 @@ fn scene_and_servo() -> (Scene, Servo) {
         bone_from_base: bone_from_base(&scene.bone_from_plan, scene.bone.lps_from_bone()),
         bone_from_plan: scene.bone_from_plan,
         device: DeviceScale {
+            arm: Arm::Omni,
             counts_per_rev: HELLO.counts_per_rev,
             gimbal_counts_per_rev: HELLO.gimbal_counts_per_rev,
             dac_max: 2047,
@@ -184,6 +187,7 @@ pub fn rehearse(ticks: u32, viewer: Viewer) -> Rehearsal {
     requests.push(Request::Spindle(true)).expect("room");
     let sent = Sent::default();
     let link = Scripted {
+        info: DeviceInfo::omni(&HELLO),
         seq: 0,
         sent: Arc::clone(&sent),
     };

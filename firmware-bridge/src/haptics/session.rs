@@ -14,7 +14,7 @@ use super::servo_loop::{self, Ending, Finished, ServoThread};
 use super::stats::Stats;
 use super::{HapticsArgs, default_socket, socket};
 use crate::feel;
-use crate::link::{DeviceLink, OpenLink};
+use crate::link::{self, DeviceLink};
 use crate::passage::{Layers, Passages};
 use crate::progress::Progress;
 use crate::rt::{self, RtReport};
@@ -27,7 +27,7 @@ use osteon_protocol::ipc_frame::clip;
 use osteon_sim_core::feel::Feel;
 use osteon_sim_core::grid::Grid;
 use osteon_sim_core::register::bone_from_base;
-use osteon_sim_core::servo::{DeviceScale, Servo, ServoSetup};
+use osteon_sim_core::servo::{Servo, ServoSetup};
 use osteon_sim_core::tool::Tool;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -121,11 +121,11 @@ fn with_listener(
     if stop.load(Ordering::Relaxed) {
         bail!("asked to end before the session began");
     }
-    let mut link = open_link(&args.device)?;
+    let mut link = link::open(&args.device)?;
     let link_name = clip(&link.describe()).to_owned();
     let (record_in, record_out) = rtrb::RingBuffer::new(RING_RECORDS);
     let (request_in, request_out) = rtrb::RingBuffer::new(64);
-    let servo = make_servo(args, session, &link)?;
+    let servo = make_servo(args, session, link.as_ref())?;
     let mut publisher = Publisher {
         mirror: Mirror::new(Arc::clone(&scene.bone), tools.to_vec()),
         stats: Stats::new(tools),
@@ -147,11 +147,11 @@ fn with_listener(
     };
     let resync = Resync::new(&scene.bone, tools.to_vec());
     link.prepare()?;
-    link.start_relay()?;
+    link.start()?;
     let thread = ServoThread {
         resync,
         servo,
-        link: Box::new(link),
+        link,
         records: record_in,
         requests: request_out,
         panic_at_tick: args.panic_at_tick,
@@ -179,39 +179,18 @@ fn create(path: &Path) -> anyhow::Result<File> {
     File::create(path).with_context(|| format!("{}: cannot write", path.display()))
 }
 
-/// Opens the device that `--device` names; it is armed later, when all memory has been written.
-fn open_link(device: &str) -> anyhow::Result<OpenLink> {
-    let Some(path) = device.strip_prefix("open:") else {
-        bail!("--device {device}: unknown kind; give open:PATH, for example open:/dev/ttyACM0");
-    };
-    Ok(OpenLink::open(path)?)
-}
-
 fn make_servo(
     args: &HapticsArgs,
     session: &Session<'_>,
     link: &dyn DeviceLink,
 ) -> anyhow::Result<Servo> {
-    let info = link.info();
-    if info.model != 1 {
-        bail!(
-            "device {}: model {} is unknown here; this release knows model 1 (Omni-class arm)",
-            link.describe(),
-            info.model
-        );
-    }
     let &Session { tools, scene, feel } = session;
     let setup = ServoSetup {
         bone: Arc::clone(&scene.bone),
         tools: tools.to_vec(),
         bone_from_base: bone_from_base(&scene.bone_from_plan, scene.bone.lps_from_bone()),
         bone_from_plan: scene.bone_from_plan,
-        device: DeviceScale {
-            counts_per_rev: info.counts_per_rev,
-            gimbal_counts_per_rev: info.gimbal_counts_per_rev,
-            dac_max: info.dac_max,
-            nmm_per_count: f64::from(info.micro_nm_per_count) * 1e-3,
-        },
+        device: link.info().scale,
         force_limit_n: args.force_limit,
         feel: *feel,
     };

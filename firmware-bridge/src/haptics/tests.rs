@@ -6,12 +6,13 @@ use super::record::{Record, TickRecord};
 use super::resync::Resync;
 use super::servo_loop::{Beat, ServoThread, Timing, one_beat};
 use super::stats::Stats;
-use crate::link::{DeviceLink, LinkError, LinkStats};
+use crate::link::{DeviceInfo, DeviceLink, LinkError, LinkStats};
 use crate::rt::now_ns;
 use crate::scene::{Scene, SceneArgs, load};
 use glam::{DQuat, DVec3};
 use osteon_protocol::device::{CommandFrame, DeviceHello, DriveState, StateFrame};
 use osteon_protocol::ipc::Command;
+use osteon_sim_core::arm::Arm;
 use osteon_sim_core::bone::{Bone, DenseBone};
 use osteon_sim_core::chain::GUARDS;
 use osteon_sim_core::feel::Feel;
@@ -39,6 +40,7 @@ const HELLO: DeviceHello = DeviceHello {
 
 /// A cable whose device goes up and down the planned axis.
 struct Scripted {
+    info: DeviceInfo,
     seq: u16,
     /// Height over the plan, mm, at a state's number.
     height: fn(u16) -> f64,
@@ -89,8 +91,8 @@ fn state(seq: u16, z: f64) -> StateFrame {
 }
 
 impl DeviceLink for Scripted {
-    fn info(&self) -> &DeviceHello {
-        &HELLO
+    fn info(&self) -> &DeviceInfo {
+        &self.info
     }
     fn poll(&mut self) -> Result<Option<StateFrame>, LinkError> {
         self.seq += 1;
@@ -170,6 +172,7 @@ impl Pair {
             bone_from_base,
             bone_from_plan,
             device: DeviceScale {
+                arm: Arm::Omni,
                 counts_per_rev: 15_000,
                 gimbal_counts_per_rev: 16_384,
                 dac_max: 2047,
@@ -185,7 +188,11 @@ impl Pair {
         Self {
             thread: ServoThread {
                 servo,
-                link: Box::new(Scripted { seq: 0, height }),
+                link: Box::new(Scripted {
+                    info: DeviceInfo::omni(&HELLO),
+                    seq: 0,
+                    height,
+                }),
                 records: record_in,
                 requests: request_out,
                 resync: Resync::new(&bone, tools.clone()),

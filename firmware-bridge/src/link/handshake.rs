@@ -2,12 +2,13 @@
 //!
 //! Runs before the servo loop begins, so it may wait; every wait has an end and its own error.
 
-use super::LinkError;
 use super::inbox::Arrivals;
 use super::open::{OpenLink, drive_name};
+use super::{DeviceInfo, LinkError};
 use osteon_protocol::device::{
     DEVICE_SCHEMA, DEVICE_VERSION, DeviceHello, DriveState, HostMessage, StateFrame, fault, switch,
 };
+use osteon_protocol::hfab::LineReader;
 use std::fmt::Write as _;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -47,11 +48,18 @@ impl OpenLink {
             }
             if let Some(hello) = arrivals.hello {
                 self.check_version(hello.version, hello.schema)?;
+                if hello.model != OMNI_MODEL {
+                    return Err(LinkError::UnknownModel {
+                        link: Arc::clone(&self.name),
+                        model: hello.model.into(),
+                        known: "model 1 (Omni-class arm)",
+                    });
+                }
                 check_numbers(&hello).map_err(|what| LinkError::BadHello {
                     link: Arc::clone(&self.name),
                     what,
                 })?;
-                self.hello = hello;
+                self.info = DeviceInfo::omni(&hello);
                 self.reset_stats();
                 return Ok(());
             }
@@ -90,16 +98,26 @@ impl OpenLink {
                 seconds: ANSWER.as_secs(),
             };
         }
-        LinkError::Foreign {
-            link,
-            first_bytes: seen.hex(),
+        let first_bytes = seen.hex();
+        if seen.hfab_lines > 0 {
+            let instead = link.replacen("open:", "hfab:", 1);
+            let speaks = "the text protocol of hfab controllers";
+            return LinkError::WrongKind {
+                link,
+                speaks,
+                instead,
+            };
         }
+        if seen.text * 10 < seen.all * 9 {
+            return LinkError::WrongBaud { link, first_bytes };
+        }
+        LinkError::Foreign { link, first_bytes }
     }
 
     /// Brings the drive to Armed: waits for the end of the self-test, ends what an earlier session
     /// left, homes (the stylus must be in its dock) and arms in two steps. Commands follow within
     /// a second, or the device disarms itself.
-    pub fn prepare(&mut self) -> Result<(), LinkError> {
+    pub(super) fn home_and_arm(&mut self) -> Result<(), LinkError> {
         let boot_over = |state: &StateFrame| state.drive != DriveState::Boot;
         self.wait_for("stream", ANSWER, None, |_| true)?;
         let mut state = self.wait_for("finish its self-test", BOOT, None, boot_over)?;
@@ -184,6 +202,11 @@ impl OpenLink {
                 link,
                 seconds: limit.as_secs(),
             },
+            Some(state)
+                if state.drive == DriveState::Fault && state.faults & fault::E_STOP != 0 =>
+            {
+                LinkError::EStop { link }
+            }
             Some(state) if state.drive == DriveState::Fault => LinkError::Fault {
                 link,
                 faults: fault_names(state.faults),
@@ -204,14 +227,26 @@ struct Seen {
     // bytes of `first` that are set; in 0..=SHOWN_BYTES
     count: usize,
     valid: u32,
+    // bytes in all, and those that a text has
+    all: u64,
+    text: u64,
+    hfab: LineReader<8>,
+    hfab_lines: u32,
 }
 
 impl Seen {
     fn note(&mut self, arrivals: &Arrivals, bytes: &[u8]) {
         self.valid = self.valid.saturating_add(arrivals.valid);
-        for &byte in bytes.iter().take(SHOWN_BYTES - self.count) {
-            self.first[self.count] = byte;
-            self.count += 1;
+        for &byte in bytes {
+            if let Some(slot) = self.first.get_mut(self.count) {
+                *slot = byte;
+                self.count += 1;
+            }
+            self.all += 1;
+            let text = byte.is_ascii_graphic() || byte.is_ascii_whitespace();
+            self.text += u64::from(text);
+            let line = self.hfab.push(byte);
+            self.hfab_lines += u32::from(matches!(line, Some(Ok(_))));
         }
     }
 
@@ -229,7 +264,6 @@ impl Seen {
 /// Refuses numbers that the host would divide by or trust: names the field and its value.
 fn check_numbers(hello: &DeviceHello) -> Result<(), String> {
     let fields = [
-        (hello.model == OMNI_MODEL, "model", u64::from(hello.model)),
         (
             hello.counts_per_rev > 0,
             "counts_per_rev",
@@ -262,7 +296,7 @@ fn check_numbers(hello: &DeviceHello) -> Result<(), String> {
     }
 }
 
-fn fault_names(faults: u16) -> String {
+pub(super) fn fault_names(faults: u16) -> String {
     let names: Vec<_> = [
         (fault::OVER_TEMPERATURE, "motor too hot"),
         (fault::E_STOP, "emergency stop open"),

@@ -1,31 +1,66 @@
 //! Links to haptic devices: what the servo loop needs of a cable, and why a link is refused.
 //!
 //! ```text
-//! servo thread ── poll/send (never wait) ──▶ OpenLink ──▶ SerialPort ──▶ cable
-//!              ◀── ring of states ── relay thread (may wait) ◀── │
-//! start-up     ── open, prepare (may wait, every wait has an end) ──▶ │
+//! --device open:  ─ OpenLink ─ Cable: SerialPort ──────────────┐
+//!          hid:   ─ OpenLink ─ Cable: ReportCable (hidapi) ────┤ states ─ relay ─ mailbox ─▶ servo
+//!          packet:─ OpenLink ─ Cable: ReportCable (socket) ────┤ thread                      thread
+//!          sim    ─ OpenLink ─ Cable: PairCable, device thread ┤
+//!          hfab:  ─ HfabLink ─ SerialPort, text lines ─────────┘
+//!          openhaptics ─ HdLink ─ the library's own thread ──── mailbox ─────────────────────▶
 //! ```
-//! The bytes are those of `WIRE.md`, part 1.
+//! [`open`] and [`DeviceLink::prepare`] may wait; every wait has an end and an error of its own. From
+//! [`DeviceLink::start`] on, `poll` and `send` neither wait nor allocate. The bytes are those of `WIRE.md`,
+//! part 1. All kinds pass the same tests (`tests/conformance.rs`).
 
+mod cable;
+mod error;
 mod handshake;
+mod hd;
+mod hfab;
+mod hid;
 pub(crate) mod inbox;
+mod mailbox;
 mod open;
 mod port;
 mod receiver;
 mod relay;
+mod report_cable;
+mod sim;
+mod spec;
 #[cfg(test)]
 mod tests;
 
-pub use open::OpenLink;
+pub use error::LinkError;
+pub use hfab::HfabLink;
+pub use hid::{HidFound, found as hid_found};
+pub use open::{BAUD, OpenLink};
+pub use spec::{DeviceSpec, KINDS, open};
 
 use osteon_protocol::device::{CommandFrame, DeviceHello, StateFrame};
-use osteon_protocol::frame::FrameError;
-use std::sync::Arc;
+use osteon_sim_core::arm::Arm;
+use osteon_sim_core::servo::DeviceScale;
 
 /// A haptic device as the servo loop sees it: raw counts in, raw counts out.
 pub trait DeviceLink: Send {
     /// Who the device is and what its counts mean.
-    fn info(&self) -> &DeviceHello;
+    fn info(&self) -> &DeviceInfo;
+
+    /// Brings the device to the point where commands are applied: homed or calibrated, motors on at zero
+    /// torque. May wait some seconds. Commands must follow within a second.
+    fn prepare(&mut self) -> Result<(), LinkError> {
+        Ok(())
+    }
+
+    /// From here on nothing waits: reading goes to a thread of its own.
+    fn start(&mut self) -> Result<(), LinkError> {
+        Ok(())
+    }
+
+    /// Waits until a state is there for [`Self::poll`], at most until `deadline_ns` on the monotonic
+    /// clock ([`crate::rt::now_ns`]).
+    fn wait(&mut self, deadline_ns: u64) {
+        crate::rt::sleep_until(deadline_ns);
+    }
 
     /// The newest state that has arrived since the last call, if any. Never blocks and does a
     /// bounded amount of work; stale and repeated states are refused and counted.
@@ -46,6 +81,56 @@ pub trait DeviceLink: Send {
 
     /// The link's name for people, for example `open:/dev/ttyACM0`.
     fn describe(&self) -> String;
+
+    /// Whose clock may run the loop.
+    fn clock(&self) -> Clocks {
+        Clocks::Either
+    }
+}
+
+/// Whose clock may run the servo loop on a link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Clocks {
+    /// The device streams by its own clock and takes commands at any time.
+    Either,
+    /// The device only answers.
+    HostOnly,
+    /// The device's library calls when it wants.
+    DeviceOnly,
+}
+
+/// Who a device is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DeviceInfo {
+    /// Model, for people.
+    pub model: String,
+    /// Serial number, or empty.
+    pub serial: String,
+    /// Firmware or driver, for people, or empty.
+    pub firmware: String,
+    /// What its counts mean.
+    pub scale: DeviceScale,
+    /// Period of its states, µs.
+    pub period_micros: u16,
+}
+
+impl DeviceInfo {
+    /// An Omni-class arm that says `hello`.
+    pub fn omni(hello: &DeviceHello) -> Self {
+        Self {
+            model: Arm::Omni.name().to_owned(),
+            serial: hello.serial.to_string(),
+            firmware: format!("device protocol {}", hello.version),
+            scale: DeviceScale {
+                arm: Arm::Omni,
+                counts_per_rev: hello.counts_per_rev,
+                gimbal_counts_per_rev: hello.gimbal_counts_per_rev,
+                dac_max: hello.dac_max,
+                nmm_per_count: f64::from(hello.micro_nm_per_count) * 1e-3,
+            },
+            period_micros: hello.period_micros,
+        }
+    }
 }
 
 /// What went over a link, and what went wrong on it.
@@ -61,163 +146,4 @@ pub struct LinkStats {
     pub stale: u64,
     /// Commands not sent because the cable was full.
     pub dropped_commands: u64,
-}
-
-/// Why a link is refused or lost. Each prints as one line: which device, what, and the remedy.
-/// `link` is [`DeviceLink::describe`].
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum LinkError {
-    /// The path does not exist.
-    #[error(
-        "device {link}: no such port; available: {available}; \
-         start one with 'osteon fake-omni' or give --device"
-    )]
-    NoPort {
-        /// The link.
-        link: Arc<str>,
-        /// Ports that exist, or "none".
-        available: String,
-    },
-    /// Another program holds the port.
-    #[error("device {link}: another program is using this port; end it or give another --device")]
-    Busy {
-        /// The link.
-        link: Arc<str>,
-    },
-    /// The user may not open the port.
-    #[error(
-        "device {link}: permission denied; join the group that owns the port (often 'dialout') \
-         and log in again"
-    )]
-    Denied {
-        /// The link.
-        link: Arc<str>,
-    },
-    /// The path is a file, a directory, a pipe: no serial port.
-    #[error("device {link}: not a serial port; available: {available}; give --device a port")]
-    NotSerial {
-        /// The link.
-        link: Arc<str>,
-        /// Ports that exist, or "none".
-        available: String,
-    },
-    /// Nothing came within the time limit.
-    #[error(
-        "device {link}: nothing answered for {seconds} s; check power and cable, \
-         or give another --device"
-    )]
-    Silent {
-        /// The link.
-        link: Arc<str>,
-        /// The time limit, s.
-        seconds: u64,
-    },
-    /// Bytes came, but no valid frame.
-    #[error(
-        "device {link}: speaks another protocol (first bytes: {first_bytes}); \
-         check the port and the device's firmware, or give another --device"
-    )]
-    Foreign {
-        /// The link.
-        link: Arc<str>,
-        /// The first bytes in hexadecimal.
-        first_bytes: String,
-    },
-    /// Valid frames came, but no answer to the hello request.
-    #[error(
-        "device {link}: streams, but does not answer the hello request; \
-         switch the device off and on"
-    )]
-    NoHello {
-        /// The link.
-        link: Arc<str>,
-    },
-    /// The device speaks another version.
-    #[error(
-        "device {link}: speaks version {device} of the device protocol, this program version \
-         {host}; update the older of the two"
-    )]
-    Version {
-        /// The link.
-        link: Arc<str>,
-        /// The device's version.
-        device: u16,
-        /// This program's version.
-        host: u16,
-    },
-    /// The device's messages are laid out otherwise although the version is the same.
-    #[error(
-        "device {link}: lays its messages out otherwise (schema {device:08x}, here {host:08x}); \
-         build firmware and program from the same release"
-    )]
-    Schema {
-        /// The link.
-        link: Arc<str>,
-        /// The device's schema.
-        device: u32,
-        /// This program's schema.
-        host: u32,
-    },
-    /// The hello names a model or a number that cannot be worked with.
-    #[error("device {link}: its hello has an unusable {what}; update the device's firmware")]
-    BadHello {
-        /// The link.
-        link: Arc<str>,
-        /// The field and its value.
-        what: String,
-    },
-    /// Homing needs the stylus in its dock.
-    #[error("device {link}: the stylus is not in its dock; put it there and start again")]
-    NotDocked {
-        /// The link.
-        link: Arc<str>,
-    },
-    /// A latched fault did not clear.
-    #[error("device {link}: fault: {faults}; remove the cause, then switch the device off and on")]
-    Fault {
-        /// The link.
-        link: Arc<str>,
-        /// Names of the fault bits.
-        faults: String,
-    },
-    /// The device did not take the next step of its start in time.
-    #[error("device {link}: stays {state} and does not {step}; switch the device off and on")]
-    Stuck {
-        /// The link.
-        link: Arc<str>,
-        /// The drive state it is in.
-        state: String,
-        /// What it was asked to do.
-        step: &'static str,
-    },
-    /// The device began its count anew while it was in use.
-    #[error("device {link}: restarted; start the session again to home and arm it")]
-    Restarted {
-        /// The link.
-        link: Arc<str>,
-    },
-    /// The port vanished while it was in use.
-    #[error("device {link}: gone ({errno}); check cable and power, then start again")]
-    Gone {
-        /// The link.
-        link: Arc<str>,
-        /// What the system said.
-        errno: rustix::io::Errno,
-    },
-    /// A message does not fit a frame: a fault of this program.
-    #[error("device {link}: cannot frame a message ({error}); please report this")]
-    Frame {
-        /// The link.
-        link: Arc<str>,
-        /// Why.
-        error: FrameError,
-    },
-    /// Any other refusal of the system.
-    #[error("device {link}: cannot set up the port: {why}; check the device and its driver")]
-    Setup {
-        /// The link.
-        link: Arc<str>,
-        /// What the system said.
-        why: String,
-    },
 }

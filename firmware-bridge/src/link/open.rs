@@ -1,10 +1,12 @@
-//! The link to a device that speaks Osteon's open protocol on a serial port.
+//! The link to a device that speaks Osteon's open protocol, whatever the cable.
 
+use super::cable::Cable;
 use super::inbox::Arrivals;
 use super::port::SerialPort;
 use super::receiver::Receiver;
-use super::relay::Relay;
-use super::{DeviceLink, LinkError, LinkStats};
+use super::relay::{Relay, Source as _};
+use super::{DeviceInfo, DeviceLink, LinkError, LinkStats};
+use crate::rt::now_ns;
 use osteon_protocol::device::{CommandFrame, DeviceHello, DriveState, HostMessage, StateFrame};
 use osteon_protocol::frame::{self, MAX_FRAME};
 use rustix::io::Errno;
@@ -14,15 +16,15 @@ use std::time::Duration;
 /// Tries to send the disarm message on a full cable, 1 ms apart.
 const DISARM_TRIES: u32 = 20;
 
-/// A device on a serial port.
+/// A device that speaks the open protocol.
 ///
-/// [`OpenLink::open`] and [`OpenLink::prepare`] may wait (each wait has an end); `poll` and `send`
+/// [`OpenLink::over`] and [`OpenLink::prepare`] may wait (each wait has an end); `poll` and `send`
 /// neither wait nor allocate. Dropping an armed link sends the disarm message.
 #[derive(Debug)]
 pub struct OpenLink {
     pub(super) name: Arc<str>,
-    pub(super) hello: DeviceHello,
-    port: Arc<SerialPort>,
+    pub(super) info: DeviceInfo,
+    port: Arc<dyn Cable>,
     // reads the cable for whoever calls (the handshake, and tests), until the relay has it
     receiver: Option<Box<Receiver>>,
     relay: Option<Relay>,
@@ -31,16 +33,27 @@ pub struct OpenLink {
     pub(super) armed: bool,
 }
 
+/// Bit rate of a serial line unless another is asked for; on USB it means nothing.
+pub const BAUD: u32 = 115_200;
+
 impl OpenLink {
-    /// Opens the port at `path` and shakes hands: the device must answer, in this version.
-    /// Takes at most 2 s.
+    /// Opens the serial port at `path`, 115,200 bit/s where it is a real one, and shakes hands.
     pub fn open(path: &str) -> Result<Self, LinkError> {
-        let name: Arc<str> = format!("open:{path}").into();
-        let port = Arc::new(SerialPort::open(path, &name)?);
+        Self::serial(path, BAUD, format!("open:{path}").into())
+    }
+
+    /// Opens a serial port and shakes hands.
+    pub(super) fn serial(path: &str, baud: u32, name: Arc<str>) -> Result<Self, LinkError> {
+        let port = SerialPort::open(path, baud, &name)?;
+        Self::over(Arc::new(port), name)
+    }
+
+    /// Shakes hands over a cable: the device must answer, in this version. Takes at most 2 s.
+    pub(super) fn over(port: Arc<dyn Cable>, name: Arc<str>) -> Result<Self, LinkError> {
         let receiver = Receiver::new(Arc::clone(&name), Arc::clone(&port));
         let mut link = Self {
             name,
-            hello: NO_HELLO,
+            info: DeviceInfo::omni(&NO_HELLO),
             port,
             receiver: Some(Box::new(receiver)),
             relay: None,
@@ -60,20 +73,11 @@ impl OpenLink {
         }
     }
 
-    /// Hands reading over to a thread of its own. Reading an empty terminal line can wait for the
-    /// kernel's own worker, which runs at ordinary priority; the servo thread must not.
-    pub fn start_relay(&mut self) -> Result<(), LinkError> {
-        if let Some(receiver) = self.receiver.take() {
-            self.relay = Some(Relay::start(*receiver)?);
-        }
-        Ok(())
-    }
-
     /// Sends one message, or drops it when the cable is full: then `false`.
     pub(super) fn transmit(&mut self, message: HostMessage) -> Result<bool, LinkError> {
-        let sent = self.outbox.flush(&self.port).and_then(|clear| {
+        let sent = self.outbox.flush(&*self.port).and_then(|clear| {
             if clear {
-                self.outbox.write(message, &self.port)
+                self.outbox.write(message, &*self.port)
             } else {
                 Ok(false)
             }
@@ -111,8 +115,30 @@ impl OpenLink {
 }
 
 impl DeviceLink for OpenLink {
-    fn info(&self) -> &DeviceHello {
-        &self.hello
+    fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    fn prepare(&mut self) -> Result<(), LinkError> {
+        self.home_and_arm()
+    }
+
+    /// Reading an empty terminal line can wait for the kernel's own worker, which runs at ordinary
+    /// priority; the servo thread must not.
+    fn start(&mut self) -> Result<(), LinkError> {
+        if let Some(receiver) = self.receiver.take() {
+            self.relay = Some(Relay::start(*receiver)?);
+        }
+        Ok(())
+    }
+
+    fn wait(&mut self, deadline_ns: u64) {
+        if let Some(relay) = &mut self.relay {
+            relay.wait(deadline_ns);
+        } else {
+            let left = deadline_ns.saturating_sub(now_ns());
+            self.port.wait(Duration::from_nanos(left));
+        }
     }
 
     fn poll(&mut self) -> Result<Option<StateFrame>, LinkError> {
@@ -203,7 +229,7 @@ enum OutboxError {
 
 impl Outbox {
     /// Writes the rest of a frame that was begun; true = nothing is left.
-    fn flush(&mut self, port: &SerialPort) -> Result<bool, OutboxError> {
+    fn flush(&mut self, port: &dyn Cable) -> Result<bool, OutboxError> {
         if self.begin < self.end {
             let rest = &self.frame[self.begin..self.end];
             self.begin += port.write(rest).map_err(OutboxError::Errno)?;
@@ -212,7 +238,7 @@ impl Outbox {
     }
 
     /// Writes a message onto a clear cable; false = not a byte of it went out.
-    fn write(&mut self, message: HostMessage, port: &SerialPort) -> Result<bool, OutboxError> {
+    fn write(&mut self, message: HostMessage, port: &dyn Cable) -> Result<bool, OutboxError> {
         let length = frame::encode(&message, &mut self.frame)
             .map_err(OutboxError::Frame)?
             .len();

@@ -1,15 +1,14 @@
 //! A serial port whose reads and writes never wait.
 
 use super::LinkError;
+use super::cable::{Cable, wait_readable};
 use rustix::fs::{FlockOperation, Mode, OFlags};
 use rustix::io::Errno;
 use rustix::termios::QueueSelector;
 use serialport::{DataBits, ErrorKind, FlowControl, Parity, StopBits, TTYPort};
 use std::os::fd::OwnedFd;
 use std::sync::Arc;
-
-/// For a USB port the figure means nothing; a real UART needs at least 1 Mbit/s for the stream.
-const BAUD: u32 = 115_200;
+use std::time::Duration;
 
 /// Most ports listed in an error message.
 const MOST_LISTED: usize = 8;
@@ -26,8 +25,9 @@ pub(super) struct SerialPort {
 }
 
 impl SerialPort {
-    /// Opens the port at `path`; `link` is its name in error messages.
-    pub(super) fn open(path: &str, link: &Arc<str>) -> Result<Self, LinkError> {
+    /// Opens the port at `path` with `baud` bits a second (on USB the figure means nothing); `link` is
+    /// its name in error messages.
+    pub(super) fn open(path: &str, baud: u32, link: &Arc<str>) -> Result<Self, LinkError> {
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
         let io =
             rustix::fs::open(path, flags, Mode::empty()).map_err(|errno| refusal(errno, link))?;
@@ -35,7 +35,7 @@ impl SerialPort {
             return Err(not_serial(link));
         }
         refuse_if_locked(&io, link)?;
-        let settings = serialport::new(path, BAUD)
+        let settings = serialport::new(path, baud)
             .data_bits(DataBits::Eight)
             .parity(Parity::None)
             .stop_bits(StopBits::One)
@@ -57,19 +57,15 @@ impl SerialPort {
         Ok(port)
     }
 
-    /// The descriptor, to wait on.
-    pub(super) fn io(&self) -> &OwnedFd {
-        &self.io
-    }
-
     /// Throws away what is queued in both directions.
     fn discard(&self) {
         // A line that cannot be flushed starts with old bytes, which the framing survives.
         rustix::termios::tcflush(&self.io, QueueSelector::IOFlush).unwrap_or_default();
     }
+}
 
-    /// Reads what is there; 0 = nothing. Never waits.
-    pub(super) fn read(&self, into: &mut [u8]) -> Result<usize, Errno> {
+impl Cable for SerialPort {
+    fn read(&self, into: &mut [u8]) -> Result<usize, Errno> {
         match rustix::io::read(&self.io, into) {
             // A raw line gives at least one byte or says that it would wait: this is a hang-up.
             Ok(0) => Err(Errno::IO),
@@ -79,13 +75,16 @@ impl SerialPort {
         }
     }
 
-    /// Writes what fits; 0 = the cable is full. Never waits.
-    pub(super) fn write(&self, bytes: &[u8]) -> Result<usize, Errno> {
+    fn write(&self, bytes: &[u8]) -> Result<usize, Errno> {
         match rustix::io::write(&self.io, bytes) {
             Ok(count) => Ok(count),
             Err(Errno::AGAIN | Errno::INTR) => Ok(0),
             Err(errno) => Err(errno),
         }
+    }
+
+    fn wait(&self, limit: Duration) {
+        wait_readable(&self.io, limit);
     }
 }
 
@@ -129,7 +128,7 @@ fn not_serial(link: &Arc<str>) -> LinkError {
 }
 
 /// The serial ports of this machine, for people.
-fn available() -> String {
+pub(super) fn available() -> String {
     let ports = serialport::available_ports().unwrap_or_default();
     if ports.is_empty() {
         return "none".to_owned();

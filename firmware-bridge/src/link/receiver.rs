@@ -1,9 +1,12 @@
-//! Reads the cable of a serial port.
+//! Reads a cable.
 
+use super::cable::Cable;
 use super::inbox::{Arrivals, Inbox};
-use super::port::SerialPort;
+use super::relay::Source;
 use super::{LinkError, LinkStats};
+use osteon_protocol::device::StateFrame;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Most bytes that one poll takes from the cable: 83 state frames.
 const POLL_BYTES: usize = 4096;
@@ -12,29 +15,19 @@ const POLL_BYTES: usize = 4096;
 #[derive(Debug)]
 pub(super) struct Receiver {
     name: Arc<str>,
-    pub(super) port: Arc<SerialPort>,
+    cable: Arc<dyn Cable>,
     input: [u8; POLL_BYTES],
     inbox: Inbox,
 }
 
 impl Receiver {
-    pub(super) fn new(name: Arc<str>, port: Arc<SerialPort>) -> Self {
+    pub(super) fn new(name: Arc<str>, cable: Arc<dyn Cable>) -> Self {
         Self {
             name,
-            port,
+            cable,
             input: [0; POLL_BYTES],
             inbox: Inbox::default(),
         }
-    }
-
-    /// The link's name.
-    pub(super) fn name(&self) -> &Arc<str> {
-        &self.name
-    }
-
-    /// Counters so far.
-    pub(super) fn stats(&self) -> LinkStats {
-        self.inbox.stats
     }
 
     /// The first bytes of the last [`Self::receive`].
@@ -51,7 +44,7 @@ impl Receiver {
     pub(super) fn receive(&mut self) -> Result<Arrivals, LinkError> {
         let link = || Arc::clone(&self.name);
         let bytes = self
-            .port
+            .cable
             .read(&mut self.input)
             .map_err(|errno| LinkError::Gone {
                 link: link(),
@@ -62,5 +55,23 @@ impl Receiver {
             return Err(LinkError::Restarted { link: link() });
         }
         Ok(arrivals)
+    }
+}
+
+impl Source for Receiver {
+    fn name(&self) -> &Arc<str> {
+        &self.name
+    }
+
+    fn wait(&self, limit: Duration) {
+        self.cable.wait(limit);
+    }
+
+    fn newest(&mut self) -> Result<Option<StateFrame>, LinkError> {
+        Ok(self.receive()?.state)
+    }
+
+    fn stats(&self) -> LinkStats {
+        self.inbox.stats
     }
 }

@@ -1,83 +1,83 @@
 //! A thread that reads the cable, so that the servo thread never does.
 //!
 //! ```text
-//! cable ──▶ relay thread: wait, read, check ── ring of states ──▶ servo thread: newest wins
+//! cable ──▶ relay thread: wait, read, check ── mailbox ──▶ servo thread: newest wins
 //! ```
 //! A read of an empty terminal line waits for the kernel's worker that moves the bytes, which runs
 //! at ordinary priority: on a busy machine nothing bounds that. Here only the relay waits.
 
-use super::receiver::Receiver;
+use super::mailbox::{Inlet, Outlet, mailbox};
 use super::{LinkError, LinkStats};
 use crate::rt;
 use osteon_protocol::device::StateFrame;
-use rtrb::{Consumer, Producer, RingBuffer};
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// States that may wait for the servo: a quarter of a second.
-const RING: usize = 256;
-/// The relay looks at least this often whether it shall end, ns.
-const LOOK_NS: i64 = 50_000_000;
+/// The relay looks at least this often whether it shall end.
+const LOOK: Duration = Duration::from_millis(50);
 /// Just below the servo.
 const PRIORITY: u8 = rt::SERVO_PRIORITY - 1;
 
-/// One step of the relay, as the servo sees it.
-type Item = Result<(StateFrame, LinkStats), LinkError>;
+/// What makes states out of a cable's bytes.
+pub(super) trait Source: Send + 'static {
+    /// The link's name.
+    fn name(&self) -> &Arc<str>;
+
+    /// Until bytes are there, at most `limit`.
+    fn wait(&self, limit: Duration);
+
+    /// Takes what is there; the newest state in it.
+    fn newest(&mut self) -> Result<Option<StateFrame>, LinkError>;
+
+    /// Counters.
+    fn stats(&self) -> LinkStats;
+}
 
 /// The servo's end of the relay.
 #[derive(Debug)]
 pub(super) struct Relay {
-    items: Consumer<Item>,
-    stats: LinkStats,
+    inlet: Inlet,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Relay {
     /// Starts the thread.
-    pub(super) fn start(receiver: Receiver) -> Result<Self, LinkError> {
-        let (sender, items) = RingBuffer::new(RING);
+    pub(super) fn start(source: impl Source) -> Result<Self, LinkError> {
+        let refused = |link: &Arc<str>, why: String| LinkError::Setup {
+            link: Arc::clone(link),
+            why,
+        };
+        let name = Arc::clone(source.name());
+        let (outlet, inlet) = mailbox().map_err(|e| refused(&name, e.to_string()))?;
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
-        let name = Arc::clone(receiver.name());
-        let stats = receiver.stats();
         let thread = std::thread::Builder::new()
             .name("device-relay".to_owned())
-            .spawn(move || run(receiver, sender, &flag))
-            .map_err(|e| LinkError::Setup {
-                link: name,
-                why: e.to_string(),
-            })?;
+            .spawn(move || run(source, outlet, &flag))
+            .map_err(|e| refused(&name, e.to_string()))?;
         Ok(Self {
-            items,
-            stats,
+            inlet,
             stop,
             thread: Some(thread),
         })
     }
 
-    /// The newest state since the last call. At most [`RING`] steps; no system call.
+    /// The newest state since the last call.
     pub(super) fn poll(&mut self) -> Result<Option<StateFrame>, LinkError> {
-        let mut newest = None;
-        for _ in 0..RING {
-            match self.items.pop() {
-                Ok(Ok((state, stats))) => {
-                    newest = Some(state);
-                    self.stats = stats;
-                }
-                Ok(Err(error)) => return Err(error),
-                Err(_) => break,
-            }
-        }
-        Ok(newest)
+        self.inlet.poll()
+    }
+
+    /// Until a state is there, at most until `deadline_ns`.
+    pub(super) fn wait(&mut self, deadline_ns: u64) {
+        self.inlet.wait(deadline_ns);
     }
 
     /// Counters as of the newest state.
     pub(super) fn stats(&self) -> LinkStats {
-        self.stats
+        self.inlet.stats()
     }
 }
 
@@ -85,42 +85,26 @@ impl Drop for Relay {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // it ends within LOOK_NS; a panic in it has shown as silence already
+            // it ends within LOOK; a panic in it has shown as silence already
             thread.join().unwrap_or(());
         }
     }
 }
 
-fn run(mut receiver: Receiver, mut sender: Producer<Item>, stop: &AtomicBool) {
+fn run(mut source: impl Source, mut outlet: Outlet, stop: &AtomicBool) {
     // refused rights are those that the servo thread is refused, too, and it says so
     let _right = rt::set_fifo(PRIORITY);
     while !stop.load(Ordering::Relaxed) {
-        wait(&receiver);
-        let item = match receiver.receive() {
-            Ok(arrivals) => match arrivals.state {
-                Some(state) => Ok((state, receiver.stats())),
-                None => continue,
-            },
+        source.wait(LOOK);
+        let item = match source.newest() {
+            Ok(Some(state)) => Ok((state, source.stats())),
+            Ok(None) => continue,
             Err(error) => Err(error),
         };
         let over = item.is_err();
-        // a full ring: the servo has stopped, or will find newer states next time
-        let _full = sender.push(item);
+        outlet.put(item);
         if over {
             return;
         }
-    }
-}
-
-/// Until something has come, at most [`LOOK_NS`].
-fn wait(receiver: &Receiver) {
-    let mut look = [PollFd::new(receiver.port.io(), PollFlags::IN)];
-    let limit = Timespec {
-        tv_sec: 0,
-        tv_nsec: LOOK_NS,
-    };
-    // the read that follows says what there is; an interrupted wait must not become a busy one
-    if poll(&mut look, Some(&limit)).is_err() {
-        std::thread::sleep(Duration::from_millis(1));
     }
 }

@@ -1,7 +1,7 @@
 //! From raw samples to a believed place of the stylus, and to button presses.
 
 use super::io::{DeviceScale, Sample, button};
-use crate::omni;
+use crate::arm::Arm;
 use crate::pose::Pose;
 use glam::{DQuat, DVec3};
 
@@ -52,10 +52,10 @@ pub(super) enum Verdict {
 }
 
 impl Intake {
-    pub(super) fn new() -> Self {
+    pub(super) fn new(arm: Arm) -> Self {
         Self {
             track: None,
-            angles: omni::DOCK,
+            angles: arm.rest(),
             base_from_stylus: Pose::IDENTITY,
             implausible_run: 0,
             buttons: 0,
@@ -63,7 +63,7 @@ impl Intake {
         }
     }
 
-    /// Joint angles of the newest believed sample, rad.
+    /// The arm's coordinates in the newest believed sample: rad, or mm.
     pub(super) fn angles(&self) -> DVec3 {
         self.angles
     }
@@ -83,9 +83,9 @@ impl Intake {
         silent: bool,
         most: f64,
     ) -> Verdict {
-        let angles = omni::angles_from_counts(sample.encoders, device.counts_per_rev);
-        let gimbal = omni::gimbal_from_counts(sample.gimbal, device.gimbal_counts_per_rev);
-        let base_from_stylus = omni::stylus(angles, gimbal);
+        let angles = device.arm.coordinates(sample.encoders, &device);
+        let gimbal = device.arm.gimbal(sample.gimbal, &device);
+        let base_from_stylus = device.arm.stylus(angles, gimbal);
         let position = base_from_stylus.translation;
         if !base_from_stylus.is_valid() {
             return Verdict::NotFinite;

@@ -1,5 +1,6 @@
 //! What goes into a servo tick and what comes out.
 
+use crate::arm::Arm;
 use crate::bone::Bone;
 use crate::carve::CarveStep;
 use crate::feel::Feel;
@@ -20,13 +21,16 @@ pub mod button {
 /// What the numbers of the device mean, from its hello message.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeviceScale {
-    /// Encoder counts per joint revolution.
+    /// Kinematic model.
+    pub arm: Arm,
+    /// Encoder counts per revolution of its shaft; per mm where the arm tells lengths.
     pub counts_per_rev: u32,
     /// Gimbal counts per revolution.
     pub gimbal_counts_per_rev: u16,
     /// Largest torque command, DAC counts.
     pub dac_max: i16,
-    /// Joint torque of one DAC count, N·mm.
+    /// Torque of one command count at the motor's shaft (the joint's, where no gear lies between), N·mm;
+    /// N where the arm takes forces.
     pub nmm_per_count: f64,
 }
 

@@ -19,6 +19,7 @@ pub mod shapes;
 pub mod surface;
 
 use glam::DVec3;
+use osteon_sim_core::arm::Arm;
 use osteon_sim_core::bone::{Bone, DenseBone};
 use osteon_sim_core::grid::Grid;
 use osteon_sim_core::pose::Pose;
@@ -68,6 +69,7 @@ use osteon_sim_core::tool::Tool;
 
 /// Fine enough that quantisation does not blur a closed form.
 pub const FINE: DeviceScale = DeviceScale {
+    arm: Arm::Omni,
     counts_per_rev: 15_000_000,
     gimbal_counts_per_rev: 16_384,
     dac_max: 2047,

@@ -3,6 +3,7 @@
 use super::plant::{Plant, STEP_S};
 use core::f64::consts::TAU;
 use glam::{DQuat, DVec3};
+use osteon_sim_core::arm::Arm;
 use osteon_sim_core::omni;
 use osteon_sim_core::pose::Pose;
 use osteon_sim_core::servo::{DeviceScale, Sample};
@@ -10,6 +11,7 @@ use std::collections::VecDeque;
 
 /// The numbers of the simulated Omni-class device.
 pub const OMNI: DeviceScale = DeviceScale {
+    arm: Arm::Omni,
     counts_per_rev: 15_000,
     gimbal_counts_per_rev: 16_384,
     dac_max: 2047,
@@ -18,6 +20,7 @@ pub const OMNI: DeviceScale = DeviceScale {
 
 /// Encoders and converters so fine that quantisation is out of the picture.
 pub const FINE: DeviceScale = DeviceScale {
+    arm: Arm::Omni,
     counts_per_rev: 15_000_000,
     gimbal_counts_per_rev: 65_535,
     dac_max: 32_767,

@@ -157,7 +157,7 @@ fn truth_rows(path: &Path) -> BTreeMap<u64, (String, bool, f64, f64, i32)> {
     rows.collect()
 }
 
-fn spawn(args: FakeArgs, stop: &Arc<AtomicBool>) -> std::thread::JoinHandle<anyhow::Result<()>> {
+fn spawn(args: FakeArgs, stop: &Arc<AtomicBool>) -> JoinHandle<anyhow::Result<()>> {
     let stop = Arc::clone(stop);
     std::thread::Builder::new()
         .name("fake-omni".to_owned())
@@ -300,7 +300,7 @@ fn the_haptics_process_link_drives_it_and_a_second_host_takes_over() {
     drop(Host::open(&args.link_path()));
     for round in 0..2 {
         let mut link = OpenLink::open(args.link_path().to_str().unwrap()).unwrap();
-        assert_eq!(link.info().serial, 8);
+        assert_eq!(link.info().serial, "8");
         link.prepare().unwrap();
         let mut newest = None;
         let mut deadline = rt::now_ns();

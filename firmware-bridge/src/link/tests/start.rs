@@ -1,7 +1,7 @@
 //! Opening, the handshake, homing and arming, and each way they can be refused.
 
 use super::{HELLO, Peer, command, device, polite, state};
-use crate::link::{DeviceLink as _, LinkError, OpenLink};
+use crate::link::{DeviceInfo, DeviceLink as _, LinkError, OpenLink};
 use osteon_protocol::device::{DeviceHello, DeviceMessage, DriveState, HostMessage, fault, switch};
 use osteon_protocol::frame::{self, MAX_FRAME};
 use std::time::{Duration, Instant};
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 fn a_session_goes_from_boot_to_active_and_ends_disarmed() {
     let peer = Peer::start(device(DriveState::Boot, switch::DOCKED));
     let mut link = OpenLink::open(&peer.path).unwrap();
-    assert_eq!(*link.info(), HELLO);
+    assert_eq!(*link.info(), DeviceInfo::omni(&HELLO));
     assert_eq!(link.describe(), format!("open:{}", peer.path));
     link.prepare().unwrap();
     let began = Instant::now();
