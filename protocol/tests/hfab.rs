@@ -1,5 +1,4 @@
 //! The lines of open Phantom-class controllers: golden bytes, strictness, total on any bytes.
-#![expect(clippy::unwrap_used, reason = "what goes wrong here is a failed test")]
 
 use osteon_protocol::hfab::{HfabError, HfabState, LineReader, MAX_LINE, write_line};
 use proptest::prelude::*;

@@ -39,8 +39,8 @@ pub struct HapticsArgs {
     /// hid:VID:PID (the same as HID reports), hfab:PATH (`WoodenHaptics`, vintage Phantom),
     /// openhaptics[:NAME] (Omni, Touch through 3D Systems' library), packet:PATH (reports over a socket),
     /// sim[:STROKE.json] (simulated, in this process); 'osteon devices' lists what is there
-    #[arg(long, value_name = "KIND:PATH", default_value_t = default_device())]
-    pub device: DeviceSpec,
+    #[arg(long, value_name = "KIND:PATH", default_value_t = default_device().to_string())]
+    pub device: String,
     /// Socket for viewers [default: haptics.sock in the user's runtime directory]
     #[arg(long, value_name = "PATH")]
     pub socket: Option<PathBuf>,

@@ -14,7 +14,7 @@ use super::servo_loop::{self, Ending, Finished, ServoThread};
 use super::stats::Stats;
 use super::{HapticsArgs, default_socket, socket};
 use crate::feel;
-use crate::link::{self, DeviceLink};
+use crate::link::{self, DeviceLink, DeviceSpec};
 use crate::passage::{Layers, Passages};
 use crate::progress::Progress;
 use crate::rt::{self, RtReport};
@@ -121,7 +121,9 @@ fn with_listener(
     if stop.load(Ordering::Relaxed) {
         bail!("asked to end before the session began");
     }
-    let mut link = link::open(&args.device)?;
+    let spec = args.device.parse::<DeviceSpec>();
+    let spec = spec.map_err(|e| anyhow!("--device {e}"))?;
+    let mut link = link::open(&spec)?;
     let link_name = clip(&link.describe()).to_owned();
     let (record_in, record_out) = rtrb::RingBuffer::new(RING_RECORDS);
     let (request_in, request_out) = rtrb::RingBuffer::new(64);

@@ -198,16 +198,13 @@ fn a_fault_that_stays_is_named() {
             hello(master, messages);
             seq += 1;
             let mut frame = state(seq, DriveState::Fault);
-            frame.faults = fault::E_STOP | fault::OVER_TEMPERATURE;
+            frame.faults = fault::SELF_TEST | fault::OVER_TEMPERATURE;
             master.send(&DeviceMessage::State(frame));
         })
     });
     let mut link = OpenLink::open(&peer.path).unwrap();
     let error = link.prepare().unwrap_err().to_string();
-    assert!(
-        error.contains("motor too hot, emergency stop open"),
-        "{error}"
-    );
+    assert!(error.contains("motor too hot, self-test failed"), "{error}");
 }
 
 #[test]
