@@ -78,7 +78,7 @@ fn ports_that_are_no_device() {
     refused(
         dir,
         &["haptics", "--device", &device],
-        &[&device, "another protocol", "5b 32"],
+        &[&device, "text protocol of hfab", "hfab:"],
     );
     let device = format!("open:{}", babble(Vec::new()));
     refused(

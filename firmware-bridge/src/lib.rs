@@ -3,7 +3,7 @@
 //! * [`link`]: devices on a cable; [`fake`]: a simulated one as a process of its own.
 //! * [`scene`]: a bone from a CT or from the built-in phantom; [`tools`]: tools from a file.
 //! * [`haptics`]: the servo thread, its publisher, its sessions; [`rt`]: what it asks of the system.
-//! * [`bench`]: device, cable and host in lockstep; [`launcher`]: the demonstration; [`doctor`]: what this machine can do; [`stop`]: how a process is asked to
+//! * [`mod@bench`]: device, cable and host in lockstep; [`launcher`]: the demonstration; [`doctor`]: what this machine can do; [`stop`]: how a process is asked to
 //!   end.
 //!
 //! **Invariants.** No graphics crate and no async runtime in this crate's tree. The servo thread

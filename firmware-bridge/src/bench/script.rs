@@ -20,7 +20,7 @@ const MAX_BYTES: u64 = 1 << 20;
 #[derive(Debug, Clone, clap::Args)]
 pub struct BenchArgs {
     /// Script: TOML with `[[session]]` of `name`, `work` ("press" or "cut"), `hold` ("none", "light",
-    /// "grip"), `seeds`, `fault` ("NAME[:DIRECTION]"), and what is `expect`ed ("goes-on", "stops",
+    /// "grip"), `seeds`, `fault` ("NAME" or "NAME:DIRECTION"), and what is `expect`ed ("goes-on", "stops",
     /// "stands"); see firmware-bridge/bench/
     pub script: PathBuf,
     /// Write the results here as XML of the `JUnit` kind

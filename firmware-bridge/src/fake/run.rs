@@ -49,7 +49,7 @@ pub struct FakeArgs {
     /// Stop after so many seconds of device time
     #[arg(long, value_name = "N", value_parser = parse_seconds)]
     pub seconds: Option<f64>,
-    /// Break something on purpose: NAME[@SECONDS][:DIRECTION], for example drop-frames@2.5:to-host; may be
+    /// Break something on purpose: NAME@SECONDS:DIRECTION, of which NAME will do, for example drop-frames@2.5:to-host; may be
     /// given several times. A wrong name lists all; BENCH.md says what each does
     #[arg(long, value_name = "FAULT")]
     pub fault: Vec<Planned>,

@@ -35,10 +35,10 @@ use std::path::PathBuf;
 /// Options of the haptics process.
 #[derive(Debug, Clone, clap::Args)]
 pub struct HapticsArgs {
-    /// Device to own: open:PATH[@BAUD] (open controller on a serial port, or 'osteon fake-omni'),
+    /// Device to own: open:PATH or open:PATH@BAUD (open controller on a serial port, or 'osteon fake-omni'),
     /// hid:VID:PID (the same as HID reports), hfab:PATH (`WoodenHaptics`, vintage Phantom),
-    /// openhaptics[:NAME] (Omni, Touch through 3D Systems' library), packet:PATH (reports over a socket),
-    /// sim[:STROKE.json] (simulated, in this process); 'osteon devices' lists what is there
+    /// openhaptics or openhaptics:NAME (Omni, Touch through 3D Systems' library), packet:PATH (reports over a socket),
+    /// sim or sim:STROKE.json (simulated, in this process); 'osteon devices' lists what is there
     #[arg(long, value_name = "KIND:PATH", default_value_t = default_device().to_string())]
     pub device: String,
     /// Socket for viewers [default: haptics.sock in the user's runtime directory]

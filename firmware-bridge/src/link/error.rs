@@ -4,7 +4,7 @@ use osteon_protocol::frame::FrameError;
 use std::sync::Arc;
 
 /// Why a link is refused or lost. Each prints as one line: which device, what, and the remedy.
-/// `link` is [`DeviceLink::describe`].
+/// `link` is [`super::DeviceLink::describe`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LinkError {
     /// The path does not exist.

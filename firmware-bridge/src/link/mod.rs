@@ -10,7 +10,7 @@
 //! ```
 //! [`open`] and [`DeviceLink::prepare`] may wait; every wait has an end and an error of its own. From
 //! [`DeviceLink::start`] on, `poll` and `send` neither wait nor allocate. The bytes are those of `WIRE.md`,
-//! part 1. All kinds pass the same tests (`tests/conformance.rs`).
+//! part 1.
 
 mod cable;
 mod error;

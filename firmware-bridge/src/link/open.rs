@@ -18,7 +18,7 @@ const DISARM_TRIES: u32 = 20;
 
 /// A device that speaks the open protocol.
 ///
-/// [`OpenLink::over`] and [`OpenLink::prepare`] may wait (each wait has an end); `poll` and `send`
+/// `OpenLink::over` and [`OpenLink::prepare`] may wait (each wait has an end); `poll` and `send`
 /// neither wait nor allocate. Dropping an armed link sends the disarm message.
 #[derive(Debug)]
 pub struct OpenLink {
