@@ -8,6 +8,7 @@
 
 use osteon_protocol::device::{CommandFrame, HostMessage};
 use osteon_protocol::frame::{FrameReader, MAX_FRAME, encode};
+use osteon_protocol::hfab::LineReader;
 
 /// `SplitMix64`.
 struct Random(u64);
@@ -31,17 +32,13 @@ impl Random {
     }
 }
 
-/// hfab's grammar: three decimal numbers in brackets and a line's end; nothing else.
-fn hfab(line: &[u8]) -> Option<[i16; 3]> {
-    let text = core::str::from_utf8(line).ok()?;
-    let inner = text.strip_prefix('[')?.strip_suffix("]\n")?;
-    let mut parts = inner.split(',').map(str::parse::<i16>);
-    let three = [
-        parts.next()?.ok()?,
-        parts.next()?.ok()?,
-        parts.next()?.ok()?,
-    ];
-    parts.next().is_none().then_some(three)
+/// What the product's own reader takes the bytes for.
+fn hfab(bytes: &[u8]) -> Option<[i32; 3]> {
+    let mut reader = LineReader::<3>::new();
+    bytes
+        .iter()
+        .filter_map(|&b| reader.push(b))
+        .find_map(Result::ok)
 }
 
 fn flip(random: &mut Random, bytes: &mut [u8]) {
@@ -85,7 +82,7 @@ fn main() {
         ours += read.flatten().filter(|m| *m != message).count() as u64;
         let mut line = format!("[{},{},{}]\n", torque[0], torque[1], torque[2]).into_bytes();
         flip(&mut random, &mut line);
-        theirs += u64::from(hfab(&line).is_some_and(|read| read != torque));
+        theirs += u64::from(hfab(&line).is_some_and(|read| read != torque.map(i32::from)));
     }
     println!(
         "{flips} damaged commands read as another: {ours} (COBS and CRC-32C), {theirs} (hfab's lines)"
