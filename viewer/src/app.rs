@@ -168,6 +168,7 @@ impl App {
             Wish::WholeBone => self.session.show_whole(size),
             Wish::Glenoid => self.session.show_glenoid(),
             Wish::ToggleTool => self.session.show_tool = !self.session.show_tool,
+            Wish::View(choice) => self.session.view = choice,
             Wish::ToggleHelp => self.help = !self.help,
             Wish::Quit => ctx.send_viewport_cmd(egui::ViewportCommand::Close),
         }
@@ -249,6 +250,7 @@ impl App {
         status.adapter.clone_from(&self.session.adapter.name);
         status.software = self.session.adapter.is_cpu;
         status.scale = self.session.scale;
+        status.view = self.session.view;
         status.complaint.clone_from(&self.complaint);
         status
     }

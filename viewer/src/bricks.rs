@@ -189,6 +189,19 @@ impl BrickMap {
         });
     }
 
+    /// CT numbers of a slot's tile as half floats, HU; air where nothing is kept.
+    pub(crate) fn gather_density(&self, bone: &Bone, slot: usize, out: &mut [u16]) {
+        out.fill(half_float(-1000.0));
+        self.for_texels(bone, slot, |texel, chunk, voxel| {
+            out[texel] = half_float(f32::from(bone.chunk(chunk).density_hu[voxel]));
+        });
+    }
+
+    /// Chunk of a slot's brick.
+    pub(crate) fn chunk_of(&self, slot: usize) -> usize {
+        self.bricks[slot].0 as usize
+    }
+
     /// Tissue colours of a slot's tile.
     pub(crate) fn gather_tissue(&self, bone: &Bone, slot: usize, out: &mut [[u8; 4]]) {
         out.fill([0; 4]);
@@ -263,10 +276,15 @@ fn bounds(bone: &Bone, bricks: &[(u32, u8)]) -> Option<([usize; 3], [usize; 3])>
 
 /// A stored distance as an IEEE 754 half float in [−1, 1], rounded to nearest.
 fn half(units: i16) -> u16 {
-    let bits = (f32::from(units) / f32::from(i16::MAX)).to_bits();
+    half_float(f32::from(units) / f32::from(i16::MAX))
+}
+
+/// An IEEE 754 half float, rounded to nearest; `value` is below 65504 in size, and what is below
+/// the smallest normal half becomes zero.
+fn half_float(value: f32) -> u16 {
+    let bits = value.to_bits();
     let sign = (bits >> 16 & 0x8000) as u16;
     let magnitude = bits & 0x7fff_ffff;
-    // below the smallest normal half the value is less than two units: zero
     if magnitude < 0x3880_0000 {
         return sign;
     }

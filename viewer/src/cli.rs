@@ -1,5 +1,6 @@
 //! Arguments of `osteon view`.
 
+use crate::render::method::Kind;
 use std::path::{Path, PathBuf};
 
 /// Shows a session of the haptics process, in a window or in a picture.
@@ -21,6 +22,9 @@ pub struct ViewArgs {
     /// the CPU draws].
     #[arg(long, value_name = "F", value_parser = parse_scale)]
     pub scale: Option<f64>,
+    /// How the bone is drawn; key V changes it.
+    #[arg(long, value_enum, default_value_t)]
+    pub renderer: Kind,
     /// End after this many seconds.
     #[arg(long, value_name = "N", value_parser = parse_seconds)]
     pub seconds: Option<f64>,

@@ -37,6 +37,7 @@ mod watch;
 
 pub use adapter::{AdapterBrief, Probe, probe};
 pub use cli::ViewArgs;
+pub use render::method::Kind as RendererKind;
 
 use session::Manners;
 

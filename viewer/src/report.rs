@@ -76,6 +76,10 @@ pub(crate) struct Report {
     pub(crate) size: [u32; 2],
     /// Resolution of the 3-D view as a share of it.
     pub(crate) render_scale: f64,
+    /// How the bone was drawn at the end.
+    pub(crate) renderer: &'static str,
+    /// Bytes on the adapter for bone and picture.
+    pub(crate) adapter_bytes: u64,
     /// Frames of the 3-D view.
     pub(crate) frames: u64,
     /// What `frame_ms` measures.

@@ -10,6 +10,7 @@ use crate::camera::Camera;
 use crate::cli::ViewArgs;
 use crate::link::Shared;
 use crate::mirror::{End, Mirror, pose};
+use crate::render::look::{Places, ViewChoice};
 use crate::render::{Renderer, View};
 use crate::report::{FrameTimes, Report};
 use glam::DVec3;
@@ -52,6 +53,8 @@ pub(crate) struct Session {
     pub(crate) camera: Option<Camera>,
     /// Whether the tool is drawn.
     pub(crate) show_tool: bool,
+    /// How the bone is shown.
+    pub(crate) view: ViewChoice,
     /// Times of frames.
     pub(crate) times: FrameTimes,
     manners: Manners,
@@ -60,6 +63,7 @@ pub(crate) struct Session {
     // centres of the bricks at the bone's surface, for framing
     outline: Vec<DVec3>,
     plan: Pose,
+    lps_from_bone: Pose,
     last: Option<(View, u64)>,
 }
 
@@ -89,6 +93,11 @@ impl Session {
             adapter,
             camera: None,
             show_tool: true,
+            view: ViewChoice {
+                method: args.renderer,
+                ..ViewChoice::default()
+            },
+            lps_from_bone: Pose::IDENTITY,
             times: FrameTimes::default(),
             manners,
             loaded: 0,
@@ -123,18 +132,29 @@ impl Session {
         let shared = Arc::clone(&self.shared);
         let mut mirror = shared.mirror();
         let uploaded = self.take_over(&mut mirror, size)?;
-        let view = self.camera.map(|camera| View {
-            camera,
-            size,
-            tool: self.tool(&mirror),
-            shadows,
+        let view = self.camera.map(|camera| {
+            let tool = self.tool(&mirror);
+            let places = Places {
+                axes: camera.axes(),
+                lps_from_bone: &self.lps_from_bone,
+                bone_from_plan: &self.plan,
+                tip: tool.map(|(_, bone_from_tool)| bone_from_tool.translation),
+            };
+            View {
+                camera,
+                size,
+                tool,
+                shadows,
+                look: self.view.look(&places),
+                plan: self.plan,
+            }
         });
         drop(mirror);
         let Some(view) = view else {
             return Ok(Drawn::Unchanged);
         };
         let now = (view, self.loaded);
-        if uploaded == 0 && self.last == Some(now) {
+        if !uploaded && self.last == Some(now) {
             return Ok(Drawn::Unchanged);
         }
         self.renderer.draw(&view);
@@ -143,30 +163,37 @@ impl Session {
         Ok(Drawn::New)
     }
 
-    fn take_over(&mut self, mirror: &mut Mirror, size: [u32; 2]) -> anyhow::Result<usize> {
+    fn take_over(&mut self, mirror: &mut Mirror, size: [u32; 2]) -> anyhow::Result<bool> {
         let resyncs = mirror.resyncs;
         let (Some(scene), Some(model)) = (mirror.scene.clone(), &mut mirror.model) else {
             if self.loaded != 0 {
                 self.renderer.unload();
                 self.loaded = 0;
             }
-            return Ok(0);
+            return Ok(false);
         };
+        self.renderer.choose(self.view.method, model)?;
         if self.loaded != resyncs {
             self.renderer.load(model, &scene.tools)?;
             self.loaded = resyncs;
             self.outline = brick_centres(&model.bone);
             self.plan = pose(&scene.bone_from_plan).unwrap_or(Pose::IDENTITY);
             // DICOM LPS: z is the patient's superior direction
+            self.lps_from_bone = *model.bone.lps_from_bone();
             let up = model.bone.lps_from_bone().inverse().vector(DVec3::Z);
             self.camera = Some(Camera::at_plan(&self.plan, up));
             self.show_whole(size);
         }
-        Ok(self.renderer.upload(model, BRICKS_PER_FRAME))
+        let behind = self.renderer.is_behind();
+        let uploaded = self.renderer.upload(model, BRICKS_PER_FRAME)?;
+        Ok(uploaded > 0 || behind)
     }
 
-    /// Whether bricks wait to be uploaded.
+    /// Whether something that changes the picture waits to be done.
     pub(crate) fn is_behind(&self) -> bool {
+        if self.renderer.is_behind() {
+            return true;
+        }
         let mirror = self.shared.mirror();
         mirror
             .model
@@ -215,6 +242,8 @@ impl Session {
             adapter: self.adapter.clone(),
             size: args.size,
             render_scale: self.scale,
+            renderer: self.view.method.name(),
+            adapter_bytes: self.renderer.bytes(),
             frames: self.shared.frames.load(Ordering::Relaxed),
             frame_ms_of,
             frame_ms: self.times.quantiles(),

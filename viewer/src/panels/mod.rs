@@ -9,9 +9,11 @@ pub(crate) mod overlay;
 pub(crate) mod plots;
 mod rates;
 mod tool;
+mod view;
 
 use crate::history::Point;
 use crate::mirror::Mirror;
+use crate::render::look::ViewChoice;
 use egui::{Color32, FontId, Key, RichText, TextStyle};
 use osteon_protocol::ipc::{Command, Health, PoseUpdate, Scene};
 use osteon_sim_core::tissue::TISSUES;
@@ -48,6 +50,8 @@ pub(crate) struct Status {
     pub(crate) software: bool,
     /// Resolution of the 3-D view as a share of the window's.
     pub(crate) scale: f64,
+    /// What was chosen of the view.
+    pub(crate) view: ViewChoice,
     /// What went wrong with the last wish.
     pub(crate) complaint: String,
 }
@@ -104,7 +108,7 @@ impl Status {
 }
 
 /// What a person asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Wish {
     /// Something for the haptics process.
     Command(Command),
@@ -114,6 +118,8 @@ pub(crate) enum Wish {
     Glenoid,
     /// Show or hide the tool.
     ToggleTool,
+    /// Show the bone in another way.
+    View(ViewChoice),
     /// Show or hide the help.
     ToggleHelp,
     /// Close the viewer.
@@ -148,6 +154,7 @@ pub(crate) fn facts(ui: &mut egui::Ui, status: &Status, wishes: &mut Vec<Wish>) 
     egui::ScrollArea::vertical().show(ui, |ui| {
         connection::show(ui, status);
         tool::show(ui, status, wishes);
+        view::show(ui, status, wishes);
         hand::show(ui, status, wishes);
         bone::show(ui, status);
         guards::show(ui, status);
@@ -226,6 +233,8 @@ pub(crate) fn hotkeys(ctx: &egui::Context, status: &Status, clutch: &mut bool) -
             (Key::W, Wish::WholeBone),
             (Key::G, Wish::Glenoid),
             (Key::H, Wish::ToggleTool),
+            (Key::V, Wish::View(status.view.with_next_method())),
+            (Key::X, Wish::View(status.view.with_other_ghost())),
             (Key::Questionmark, Wish::ToggleHelp),
             (Key::F1, Wish::ToggleHelp),
             (Key::Escape, Wish::Quit),

@@ -98,7 +98,7 @@ pub(crate) fn help(ctx: &egui::Context, status: &Status, open: &mut bool) {
         });
 }
 
-const KEYS: [(&str, &str); 12] = [
+const KEYS: [(&str, &str); 14] = [
     ("S", "spindle on or off"),
     ("P", "pause (no force, no cutting) or go on"),
     ("R", "back to the uncut bone"),
@@ -106,6 +106,8 @@ const KEYS: [(&str, &str); 12] = [
     ("W", "show the whole bone"),
     ("G", "show the glenoid closely"),
     ("H", "hide or show the tool"),
+    ("V", "next renderer"),
+    ("X", "the tool shows through bone, or not"),
     ("drag", "turn the view"),
     ("right or middle drag", "shift the view"),
     ("wheel", "come nearer or go away"),

@@ -4,6 +4,7 @@
 //! index (R32Uint)   cell -> slot, or how far the next slot is
 //! field (Rg16Float) slot -> solid and cut distance, kept apart so that each is interpolated alone
 //! tissue (Rgba8)    slot -> colour of the tissue
+//! density (R16Float) slot -> CT number, for the section alone
 //! ```
 //! A changed brick is one write of 4 kB per tile that shows it; nothing is rebuilt.
 #![expect(
@@ -12,6 +13,7 @@
     reason = "lattice and picture edges are bounded far below the target type; f64 becomes f32 for the GPU"
 )]
 
+use super::pipeline::texture_entry;
 use crate::bricks::{BrickMap, TILE, TILE_TEXELS};
 use crate::mirror::Model;
 use glam::DVec3;
@@ -63,6 +65,7 @@ pub(crate) struct Atlas {
     has_tissue: Vec<bool>,
     field_tile: Vec<[u16; 2]>,
     tissue_tile: Vec<[u8; 4]>,
+    bytes: u64,
 }
 
 impl Atlas {
@@ -75,18 +78,8 @@ impl Atlas {
     ) -> anyhow::Result<Self> {
         let map = &model.map;
         let tiles = tiles_for(map.slots());
-        let most = device.limits().max_texture_dimension_3d;
-        let longest = tiles
-            .map(|n| n * TILE as u32)
-            .into_iter()
-            .chain(map.dims().map(|n| n as u32))
-            .max();
-        if longest.is_some_and(|n| n > most) {
-            anyhow::bail!(
-                "the bone's textures exceed the adapter's {most} texels along one edge; start the session with a larger --voxel-mm"
-            );
-        }
         let size = tiles.map(|n| n * TILE as u32);
+        check(device, size.into_iter().chain(map.dims().map(|n| n as u32)))?;
         let field = texture(device, "field", size, wgpu::TextureFormat::Rg16Float);
         let tissue = texture(device, "tissue", size, wgpu::TextureFormat::Rgba8Unorm);
         let index = texture(
@@ -96,8 +89,17 @@ impl Atlas {
             wgpu::TextureFormat::R32Uint,
         );
         let cells = bytemuck::cast_slice(map.index());
-        write(queue, &index, [0; 3], map.dims().map(|n| n as u32), cells);
+        write(
+            queue,
+            &index,
+            [0; 3],
+            map.dims().map(|n| n as u32),
+            cells,
+            4,
+        );
+        let bytes = cells.len() as u64 + 8 * texels(size);
         Ok(Self {
+            bytes,
             group: bind(device, group_layout, [&index, &field, &tissue]),
             layout: layout_of(model, tiles),
             has_tissue: vec![false; map.slots()],
@@ -118,26 +120,19 @@ impl Atlas {
         &self.group
     }
 
-    /// Uploads at most `most` dirty tiles, oldest first, and returns how many were.
-    pub(crate) fn upload(&mut self, queue: &wgpu::Queue, model: &mut Model, most: usize) -> usize {
-        let mut count = 0;
-        while count < most {
-            let Some(slot) = model.dirty.pop() else {
-                break;
-            };
-            // a slot of another model's map would be out of range: it is not ours to draw
-            if slot < self.has_tissue.len() {
-                self.upload_slot(queue, model, slot);
-            }
-            count += 1;
-        }
-        count
+    /// Bytes of all textures.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.bytes
     }
 
-    fn upload_slot(&mut self, queue: &wgpu::Queue, model: &Model, slot: usize) {
+    /// Uploads a slot's tile.
+    pub(crate) fn upload(&mut self, queue: &wgpu::Queue, model: &Model, slot: usize) {
+        // a slot of another model's map would be out of range: it is not ours to draw
+        if slot >= self.has_tissue.len() {
+            return;
+        }
         let [nx, ny, _, _] = self.layout.tiles;
-        let s = slot as u32;
-        let origin = [s % nx, s / nx % ny, s / (nx * ny)].map(|n| n * TILE as u32);
+        let origin = origin_of(slot, [nx, ny]);
         let size = [TILE as u32; 3];
         model
             .map
@@ -148,6 +143,7 @@ impl Atlas {
             origin,
             size,
             bytemuck::cast_slice(&self.field_tile),
+            4,
         );
         if !core::mem::replace(&mut self.has_tissue[slot], true) {
             model
@@ -159,9 +155,101 @@ impl Atlas {
                 origin,
                 size,
                 bytemuck::cast_slice(&self.tissue_tile),
+                4,
             );
         }
     }
+}
+
+/// CT numbers of all bricks, for the section.
+#[derive(Debug)]
+pub(crate) struct Density {
+    texture: wgpu::Texture,
+    group: wgpu::BindGroup,
+    layout: wgpu::BindGroupLayout,
+    tiles: [u32; 3],
+    has: Vec<bool>,
+    tile: Vec<u16>,
+}
+
+impl Density {
+    /// Room for all slots of a model.
+    pub(crate) fn new(device: &wgpu::Device, model: &Model) -> anyhow::Result<Self> {
+        let tiles = tiles_for(model.map.slots());
+        let size = tiles.map(|n| n * TILE as u32);
+        check(device, size)?;
+        let texture = texture(device, "density", size, wgpu::TextureFormat::R16Float);
+        let filtered = wgpu::TextureSampleType::Float { filterable: true };
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("density"),
+            entries: &[texture_entry(0, filtered, wgpu::TextureViewDimension::D3)],
+        });
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("density"),
+            layout: &layout,
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: wgpu::BindingResource::TextureView(&view),
+            }],
+        });
+        Ok(Self {
+            texture,
+            group,
+            layout,
+            tiles,
+            has: vec![false; model.map.slots()],
+            tile: vec![0; TILE_TEXELS],
+        })
+    }
+
+    /// Uploads a slot's tile, the first time only: densities never change.
+    pub(crate) fn upload(&mut self, queue: &wgpu::Queue, model: &Model, slot: usize) {
+        if self.has.get(slot) != Some(&false) {
+            return;
+        }
+        self.has[slot] = true;
+        model.map.gather_density(&model.bone, slot, &mut self.tile);
+        let origin = origin_of(slot, [self.tiles[0], self.tiles[1]]);
+        let bytes = bytemuck::cast_slice(&self.tile);
+        write(queue, &self.texture, origin, [TILE as u32; 3], bytes, 2);
+    }
+
+    /// The group for the section's pipeline.
+    pub(crate) fn group(&self) -> &wgpu::BindGroup {
+        &self.group
+    }
+
+    /// Its layout.
+    pub(crate) fn layout(&self) -> &wgpu::BindGroupLayout {
+        &self.layout
+    }
+
+    /// Bytes of the texture.
+    pub(crate) fn bytes(&self) -> u64 {
+        2 * texels(self.tiles.map(|n| n * TILE as u32))
+    }
+}
+
+fn texels(size: [u32; 3]) -> u64 {
+    size.into_iter().map(u64::from).product()
+}
+
+/// Refuses textures beyond the adapter's edge.
+fn check(device: &wgpu::Device, edges: impl IntoIterator<Item = u32>) -> anyhow::Result<()> {
+    let most = device.limits().max_texture_dimension_3d;
+    if edges.into_iter().any(|n| n > most) {
+        anyhow::bail!(
+            "the bone's textures exceed the adapter's {most} texels along one edge; start the session with a larger --voxel-mm"
+        );
+    }
+    Ok(())
+}
+
+/// First texel of a slot's tile, where a row of tiles is `nx` long and a layer `ny` high.
+fn origin_of(slot: usize, [nx, ny]: [u32; 2]) -> [u32; 3] {
+    let s = slot as u32;
+    [s % nx, s / nx % ny, s / (nx * ny)].map(|n| n * TILE as u32)
 }
 
 /// Tiles along each axis for `slots` slots: as near to a cube as can be.
@@ -228,13 +316,14 @@ fn extent([width, height, depth_or_array_layers]: [u32; 3]) -> wgpu::Extent3d {
     }
 }
 
-/// Writes a box of four-byte texels.
+/// Writes a box of texels of `texel` bytes.
 fn write(
     queue: &wgpu::Queue,
     texture: &wgpu::Texture,
     origin: [u32; 3],
     size: [u32; 3],
     bytes: &[u8],
+    texel: u32,
 ) {
     let [x, y, z] = origin;
     queue.write_texture(
@@ -245,7 +334,7 @@ fn write(
         bytes,
         wgpu::TexelCopyBufferLayout {
             offset: 0,
-            bytes_per_row: Some(4 * size[0]),
+            bytes_per_row: Some(texel * size[0]),
             rows_per_image: Some(size[1]),
         },
         extent(size),
@@ -275,5 +364,25 @@ fn bind(
         label: Some("bone"),
         layout,
         entries: &entries,
+    })
+}
+
+/// Layout of the bone's textures.
+pub(crate) fn textures_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let filtered = wgpu::TextureSampleType::Float { filterable: true };
+    let deep = wgpu::TextureViewDimension::D3;
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("bone"),
+        entries: &[
+            texture_entry(0, wgpu::TextureSampleType::Uint, deep),
+            texture_entry(1, filtered, deep),
+            texture_entry(2, filtered, deep),
+            wgpu::BindGroupLayoutEntry {
+                binding: 3,
+                visibility: wgpu::ShaderStages::FRAGMENT,
+                ty: wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+                count: None,
+            },
+        ],
     })
 }

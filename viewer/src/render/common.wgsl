@@ -15,26 +15,53 @@ struct Globals {
     key_light: vec4f,   // xyz: towards the light, unit
     fill_light: vec4f,
     up: vec4f,
-    square: vec4f,      // xy: edge of a square of the picture in clip units
+    square: vec4f,      // xy: edge of a square of the picture in clip units; z: radians of a pixel
+    plan_origin: vec4f, // xyz: the plan's origin, mm
+    plan_axis: vec4f,   // xyz: its z, unit, out of the joint face
+    section: vec4f,     // xyz: unit normal of the section plane, w: its place along it, mm; bone beyond is hidden
+    window: vec4f,      // x: centre, y: width of the grey scale, HU
+    options: vec4u,     // x: colouring, y: 1 = there is a section plane, z: 1 = the tool shows through bone
 };
 
 @group(0) @binding(0) var<uniform> globals: Globals;
 
+const COLOUR_BONE: u32 = 0u;    // bone outside, the layers on a cut
+const COLOUR_TISSUE: u32 = 1u;  // the layers everywhere
+const COLOUR_PLAN: u32 = 2u;    // depth below the plan's origin
+
+// What a point of the surface buffers is, in `normal.w`.
+const KIND_BONE: f32 = 1.0;
+const KIND_TOOL: f32 = 2.0;
+const KIND_FLAT: f32 = 3.0;     // shown as it is, without light
+
+// One pixel of the surface buffers. `at.x`: distance from the eye, mm; 0 where there is nothing.
+struct Surface {
+    @location(0) colour: vec4f,   // rgb: screen values, w: gloss
+    @location(1) normal: vec4f,   // xyz: outward, unit; w: kind
+    @location(2) at: vec4f,
+    @builtin(frag_depth) depth: f32,
+};
+
 fn to_linear(c: vec3f) -> vec3f { return c * c * (0.76 * c + 0.24 * sqrt(max(c, vec3f(0.0)))); }
 fn to_screen(c: vec3f) -> vec3f { return pow(clamp(c, vec3f(0.0), vec3f(1.0)), vec3f(1.0 / 2.2)); }
 
-// Two lights and a sky. `open` in [0, 1] is the share of the sky that the point sees, `key` the
-// share of the key light that reaches it.
-fn shade(albedo: vec3f, n: vec3f, to_eye: vec3f, gloss: f32, open: f32, key: f32) -> vec3f {
-    let sky = mix(vec3f(0.16, 0.15, 0.15), vec3f(0.30, 0.32, 0.35), 0.5 + 0.5 * dot(n, globals.up.xyz));
-    let key_cos = max(dot(n, globals.key_light.xyz), 0.0);
-    let fill_cos = max(dot(n, globals.fill_light.xyz), 0.0);
-    let head_cos = max(dot(n, to_eye), 0.0);
-    var light = sky * open;
-    light += vec3f(0.80, 0.77, 0.72) * key_cos * key;
-    light += vec3f(0.15, 0.17, 0.21) * fill_cos * open;
-    light += vec3f(0.14) * head_cos * open;
-    let half_way = normalize(globals.key_light.xyz + to_eye);
-    let glint = pow(max(dot(n, half_way), 0.0), 28.0) * gloss * key * step(0.0, key_cos);
-    return albedo * light + vec3f(glint);
+// Direction of the ray through a place of the picture; no component is zero.
+fn ray_through(ndc: vec2f) -> vec3f {
+    let d = normalize(globals.ray_z.xyz + globals.ray_x.xyz * ndc.x + globals.ray_y.xyz * ndc.y);
+    return select(d, vec3f(1e-6), abs(d) < vec3f(1e-6));
+}
+
+fn depth_of(p: vec3f) -> f32 {
+    let clip = globals.clip_from_bone * vec4f(p, 1.0);
+    return clamp(clip.z / clip.w, 0.0, 1.0);
+}
+
+// Whether the section plane hides a point.
+fn is_hidden(p: vec3f) -> bool {
+    return globals.options.y == 1u && dot(p, globals.section.xyz) > globals.section.w;
+}
+
+fn surface(p: vec3f, n: vec3f, colour: vec3f, gloss: f32, kind: f32) -> Surface {
+    let away = distance(p, globals.eye.xyz);
+    return Surface(vec4f(colour, gloss), vec4f(n, kind), vec4f(away, 0.0, 0.0, 0.0), depth_of(p));
 }

@@ -1,11 +1,17 @@
-//! The 3-D view: bone and tool into an own colour and depth target.
+//! The 3-D view: bone and tool into surface buffers, light on them, a picture.
 //!
 //! [`Renderer::load`] takes a bone, [`Renderer::upload`] the bricks that changed, and
-//! [`Renderer::draw`] a view. The picture is copied into a window by [`blit`] or read back.
+//! [`Renderer::draw`] a view. The picture is copied into a window by [`blit`] or read back. How the
+//! bone gets into the surface buffers is a [`method`]'s business.
 
 pub(crate) mod atlas;
 pub(crate) mod blit;
-pub(crate) mod bone;
+pub(crate) mod iso;
+pub(crate) mod look;
+pub(crate) mod method;
+pub(crate) mod pipeline;
+pub(crate) mod section;
+pub(crate) mod shade;
 pub(crate) mod target;
 pub(crate) mod tiles;
 pub(crate) mod tool;
@@ -14,11 +20,14 @@ pub(crate) mod uniforms;
 use crate::camera::Camera;
 use crate::mirror::Model;
 use atlas::Atlas;
-use bone::BonePass;
+use look::Look;
+use method::{Context, Kind, Method, Squares};
 use osteon_protocol::ipc::ToolInfo;
 use osteon_sim_core::pose::Pose;
+use shade::Shade;
 use std::sync::Arc;
 use target::Target;
+use tiles::Tiles;
 use tool::ToolPass;
 use uniforms::Globals;
 
@@ -33,6 +42,10 @@ pub(crate) struct View {
     pub(crate) tool: Option<(usize, Pose)>,
     /// Whether the key light casts shadows (half as much work again).
     pub(crate) shadows: bool,
+    /// How the bone is shown.
+    pub(crate) look: Look,
+    /// `bone_from_plan`.
+    pub(crate) plan: Pose,
 }
 
 impl View {
@@ -42,96 +55,173 @@ impl View {
     }
 }
 
-/// Bone and tool passes with their textures.
+/// The passes with their textures.
 #[derive(Debug)]
 pub(crate) struct Renderer {
-    device: wgpu::Device,
-    queue: wgpu::Queue,
+    context: Context,
     globals: wgpu::Buffer,
     globals_group: wgpu::BindGroup,
-    bone_pass: BonePass,
+    shade: Shade,
     tool_pass: ToolPass,
-    atlas: Option<Atlas>,
+    tiles: Tiles,
+    squares: Squares,
     target: Target,
+    surfaces: wgpu::BindGroup,
+    kind: Kind,
+    // both or none: the bone that is loaded
+    bone: Option<(Atlas, Box<dyn Method>)>,
 }
 
 impl Renderer {
     /// Pipelines and an empty picture.
     pub(crate) fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
-        let layout = uniforms::layout(device);
-        let globals = uniforms::buffer(device, "globals", size_of::<Globals>());
-        let globals_group = uniforms::group(device, &layout, &globals);
-        Self {
-            bone_pass: BonePass::new(device, &layout),
-            tool_pass: ToolPass::new(device, &layout),
-            target: Target::new(device, [1, 1]),
+        let context = Context {
             device: device.clone(),
             queue: queue.clone(),
+            globals: uniforms::layout(device),
+            textures: atlas::textures_layout(device),
+        };
+        let globals = uniforms::buffer(device, "globals", size_of::<Globals>());
+        let shade = Shade::new(&context);
+        let target = Target::new(device, [1, 1]);
+        Self {
+            globals_group: uniforms::group(device, &context.globals, &globals),
+            tool_pass: ToolPass::new(&context),
+            tiles: Tiles::default(),
+            squares: Squares::new(device),
+            surfaces: shade.group(device, &target),
+            target,
+            shade,
+            context,
             globals,
-            globals_group,
-            atlas: None,
+            kind: Kind::default(),
+            bone: None,
         }
     }
 
     /// Makes room for a model's bricks; all of them are dirty afterwards in a fresh model.
     pub(crate) fn load(&mut self, model: &Model, tools: &[ToolInfo]) -> anyhow::Result<()> {
-        self.atlas = None;
-        let atlas = Atlas::new(&self.device, &self.queue, model, self.bone_pass.layout())?;
-        self.atlas = Some(atlas);
-        self.tool_pass.load(&self.device, tools);
+        self.bone = None;
+        let (device, queue) = (&self.context.device, &self.context.queue);
+        let atlas = Atlas::new(device, queue, model, &self.context.textures)?;
+        let method = method::make(self.kind, &self.context, model)?;
+        self.tool_pass.load(device, tools);
+        self.bone = Some((atlas, method));
         Ok(())
     }
 
     /// Forgets the bone.
     pub(crate) fn unload(&mut self) {
-        self.atlas = None;
+        self.bone = None;
     }
 
-    /// Uploads at most `most` dirty bricks and returns how many were.
-    pub(crate) fn upload(&mut self, model: &mut Model, most: usize) -> usize {
-        match &mut self.atlas {
-            Some(atlas) => atlas.upload(&self.queue, model, most),
-            None => 0,
+    /// Draws by another method from now on; does nothing where it is the same.
+    pub(crate) fn choose(&mut self, kind: Kind, model: &Model) -> anyhow::Result<()> {
+        if self.kind == kind {
+            return Ok(());
         }
+        self.kind = kind;
+        if let Some((_, method)) = &mut self.bone {
+            *method = method::make(kind, &self.context, model)?;
+            for slot in 0..model.map.slots() {
+                method.changed(&self.context, model, slot);
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes over at most `most` dirty bricks, oldest first, and returns how many were; with
+    /// `usize::MAX` the method works to its end.
+    pub(crate) fn upload(&mut self, model: &mut Model, most: usize) -> anyhow::Result<usize> {
+        let Some((atlas, method)) = &mut self.bone else {
+            return Ok(0);
+        };
+        let mut count = 0;
+        while count < most
+            && let Some(slot) = model.dirty.pop()
+        {
+            atlas.upload(&self.context.queue, model, slot);
+            method.changed(&self.context, model, slot);
+            count += 1;
+        }
+        method.update(&self.context, model, most == usize::MAX)?;
+        Ok(count)
+    }
+
+    /// Whether the method has work left that changes the picture.
+    pub(crate) fn is_behind(&self) -> bool {
+        self.bone.as_ref().is_some_and(|(_, m)| m.is_behind())
+    }
+
+    /// Bytes on the adapter for bone and picture.
+    pub(crate) fn bytes(&self) -> u64 {
+        let of = |(atlas, method): &(Atlas, Box<dyn Method>)| atlas.bytes() + method.bytes();
+        self.bone.as_ref().map_or(0, of) + self.target.bytes()
     }
 
     /// Draws into the target. The work is submitted, not waited for.
     pub(crate) fn draw(&mut self, view: &View) {
         if self.target.size() != view.size {
-            self.target = Target::new(&self.device, view.size);
+            self.target = Target::new(&self.context.device, view.size);
+            self.surfaces = self.shade.group(&self.context.device, &self.target);
         }
-        let globals = Globals::new(view, self.atlas.as_ref().map(Atlas::layout));
-        self.queue
-            .write_buffer(&self.globals, 0, bytemuck::bytes_of(&globals));
-        let clip_from_bone = view.camera.clip_from_bone(view.aspect());
-        if let Some((_, bone_from_tool)) = view.tool {
-            self.tool_pass
-                .place(&self.queue, clip_from_bone, &bone_from_tool);
-        }
-        if let Some(atlas) = &self.atlas {
-            self.bone_pass
-                .aim(&self.device, &self.queue, view, atlas.layout());
-        }
+        self.aim(view);
         let mut encoder = self
+            .context
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let mut pass = self.target.begin(&mut encoder);
+        let tool = view.tool.map(|(index, _)| index);
+        if let Some((atlas, method)) = &self.bone {
+            let mut pass = self.target.begin_surfaces(&mut encoder);
             pass.set_bind_group(0, &self.globals_group, &[]);
-            self.bone_pass.draw_background(&mut pass);
-            if let Some(atlas) = &self.atlas {
-                self.bone_pass.draw(&mut pass, atlas);
-                if let Some((index, _)) = view.tool {
-                    self.tool_pass.draw(&mut pass, index);
+            pass.set_bind_group(1, atlas.group(), &[]);
+            method.draw(&mut pass, &self.squares);
+            if let Some(index) = tool {
+                self.tool_pass.draw(&mut pass, index);
+            }
+        }
+        {
+            let mut pass = self.target.begin_picture(&mut encoder);
+            pass.set_bind_group(0, &self.globals_group, &[]);
+            self.shade.draw_background(&mut pass);
+            if let Some((atlas, _)) = &self.bone {
+                pass.set_bind_group(1, atlas.group(), &[]);
+                self.shade.draw(&mut pass, &self.surfaces, &self.squares);
+                if let Some(index) = tool.filter(|_| view.look.ghost) {
+                    self.tool_pass.draw_ghost(&mut pass, index);
                 }
             }
         }
-        self.queue.submit([encoder.finish()]);
+        self.context.queue.submit([encoder.finish()]);
+    }
+
+    /// Writes what the passes read of a view.
+    fn aim(&mut self, view: &View) {
+        let Context { device, queue, .. } = &self.context;
+        let layout = self.bone.as_ref().map(|(atlas, _)| atlas.layout());
+        let globals = Globals::new(view, layout);
+        queue.write_buffer(&self.globals, 0, bytemuck::bytes_of(&globals));
+        let clip_from_bone = view.camera.clip_from_bone(view.aspect());
+        let mut balls = Vec::new();
+        if let Some((index, bone_from_tool)) = view.tool {
+            self.tool_pass.place(queue, clip_from_bone, &bone_from_tool);
+            let placed = self.tool_pass.balls(index).iter();
+            balls.extend(placed.map(|&(middle, radius)| (bone_from_tool.point(middle), radius)));
+        }
+        if let Some((atlas, method)) = &mut self.bone {
+            let layout = atlas.layout();
+            let bricks = layout.centres_mm.iter();
+            let all = bricks.map(|&c| (c, layout.brick_radius_mm)).chain(balls);
+            let list = self.tiles.cover(&view.camera, view.size, all);
+            self.squares.set(device, queue, list);
+            method.aim(&self.context, view, atlas);
+        }
     }
 
     /// Waits until all submitted work is done.
     pub(crate) fn wait(&self) -> anyhow::Result<()> {
-        self.device
+        self.context
+            .device
             .poll(wgpu::PollType::wait_indefinitely())
             .map_err(|e| {
                 anyhow::anyhow!("the graphics adapter stopped answering ({e}); restart the viewer")
@@ -146,13 +236,25 @@ impl Renderer {
 
     /// The picture as RGBA bytes, row by row from the top.
     pub(crate) fn read(&self) -> anyhow::Result<Vec<u8>> {
-        self.target.read(&self.device, &self.queue)
+        self.target.read(&self.context.device, &self.context.queue)
+    }
+
+    /// Distance of each pixel's point from the eye, mm; 0 where there is nothing.
+    #[cfg(test)]
+    pub(crate) fn read_distances(&self) -> anyhow::Result<Vec<f32>> {
+        let Context { device, queue, .. } = &self.context;
+        let bytes = self.target.read_surface(device, queue, 2)?;
+        Ok(bytemuck::pod_collect_to_vec(&bytes))
     }
 }
 
 /// The WGSL text of a pass: the shared part and its own.
-pub(crate) fn shader_text(own: &str) -> String {
-    format!("{}\n{own}", include_str!("common.wgsl"))
+pub(crate) fn shader_text(own: &[&str]) -> String {
+    let parts = [include_str!("common.wgsl")].into_iter();
+    parts
+        .chain(own.iter().copied())
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
 pub(crate) fn shader(device: &wgpu::Device, label: &str, text: String) -> wgpu::ShaderModule {
@@ -163,50 +265,4 @@ pub(crate) fn shader(device: &wgpu::Device, label: &str, text: String) -> wgpu::
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use wgpu::naga;
-
-    #[test]
-    fn all_shaders_are_valid() {
-        let texts = [
-            shader_text(include_str!("bone.wgsl")),
-            shader_text(include_str!("tool.wgsl")),
-            include_str!("blit.wgsl").to_owned(),
-        ];
-        for text in texts {
-            let module = naga::front::wgsl::parse_str(&text)
-                .unwrap_or_else(|e| panic!("{}", e.emit_to_string(&text)));
-            let flags = naga::valid::ValidationFlags::all();
-            let mut validator =
-                naga::valid::Validator::new(flags, naga::valid::Capabilities::empty());
-            let checked = validator.validate(&module);
-            assert!(checked.is_ok(), "{:?}", checked.err());
-        }
-    }
-
-    #[test]
-    fn the_uniforms_have_the_size_that_the_shader_reads() {
-        for (text, name, size) in [
-            (
-                shader_text(include_str!("bone.wgsl")),
-                "Globals",
-                size_of::<Globals>(),
-            ),
-            (
-                shader_text(include_str!("tool.wgsl")),
-                "Tool",
-                size_of::<tool::ToolUniform>(),
-            ),
-        ] {
-            let module = naga::front::wgsl::parse_str(&text).unwrap();
-            let span = module.types.iter().find_map(|(_, t)| match &t.inner {
-                naga::TypeInner::Struct { span, .. } if t.name.as_deref() == Some(name) => {
-                    Some(*span)
-                }
-                _ => None,
-            });
-            assert_eq!(span, u32::try_from(size).ok(), "{name}");
-        }
-    }
-}
+mod tests;

@@ -30,14 +30,12 @@ struct Screen {
 }
 
 impl Tiles {
-    /// Marks the squares that balls of `radius` mm about `centres` can touch, in a picture of
-    /// `size` pixels, and returns them packed (x in the low 16 bits, y above).
+    /// Marks the squares that balls (middle and radius, mm) can touch, in a picture of `size` pixels, and returns them packed (x in the low 16 bits, y above).
     pub(crate) fn cover(
         &mut self,
         camera: &Camera,
         size: [u32; 2],
-        centres: &[DVec3],
-        radius: f64,
+        balls: impl Iterator<Item = (DVec3, f64)>,
     ) -> &[u32] {
         let [width, height] = size.map(f64::from);
         let screen = Screen {
@@ -50,7 +48,7 @@ impl Tiles {
         self.list.clear();
         self.marked.clear();
         self.marked.resize((nx * ny) as usize, false);
-        for &centre in centres {
+        for (centre, radius) in balls {
             let Some([x, y]) = screen.span(centre, radius) else {
                 continue;
             };
@@ -126,7 +124,9 @@ mod tests {
                 20.0 + 25.0 * (1.1 * t).cos(),
             );
             let radius = 2.0 + f64::from(step % 7);
-            let list = tiles.cover(&camera, size, &[centre], radius).to_vec();
+            let list = tiles
+                .cover(&camera, size, [(centre, radius)].into_iter())
+                .to_vec();
             let clip = camera.clip_from_bone(aspect).as_dmat4();
             for n in 0..500u32 {
                 let (u, v) = (f64::from(n) * 0.618_034, f64::from(n) / 500.0 * 2.0 - 1.0);
@@ -153,7 +153,8 @@ mod tests {
         let camera = Camera::at_plan(&Pose::IDENTITY, DVec3::Y);
         let axes = camera.axes();
         let mut tiles = Tiles::default();
-        let mut count = |p: DVec3, r: f64| tiles.cover(&camera, [160, 160], &[p], r).len();
+        let mut count =
+            |p: DVec3, r: f64| tiles.cover(&camera, [160, 160], [(p, r)].into_iter()).len();
         assert_eq!(count(axes.right * 1000.0, 5.0), 0);
         assert_eq!(count(axes.eye - axes.forward * 50.0, 5.0), 0);
         assert_eq!(count(axes.eye, 5.0), 100);

@@ -4,11 +4,11 @@
     reason = "lattice and picture edges are bounded far below the target type; f64 becomes f32 for the GPU"
 )]
 
-use super::bone::depth_state;
-use super::target::COLOUR;
-use super::{shader, shader_text, uniforms};
+use super::method::Context;
+use super::pipeline::Recipe;
+use super::uniforms;
 use crate::palette::STEEL;
-use glam::{Mat4, Vec2};
+use glam::{DVec3, Mat4, Vec2};
 use osteon_protocol::ipc::ToolInfo;
 use osteon_sim_core::pose::Pose;
 use wgpu::util::DeviceExt as _;
@@ -42,12 +42,14 @@ struct Mesh {
     corners: wgpu::Buffer,
     indices: wgpu::Buffer,
     count: u32,
+    balls: Vec<(DVec3, f64)>,
 }
 
 /// Pipeline and meshes of the tools.
 #[derive(Debug)]
 pub(crate) struct ToolPass {
-    pipeline: wgpu::RenderPipeline,
+    solid: wgpu::RenderPipeline,
+    ghost: wgpu::RenderPipeline,
     uniform: wgpu::Buffer,
     group: wgpu::BindGroup,
     // in the order of the scene's tools; None = nothing to draw
@@ -55,13 +57,27 @@ pub(crate) struct ToolPass {
 }
 
 impl ToolPass {
-    /// The pipeline; `globals` is the layout of group 0.
-    pub(crate) fn new(device: &wgpu::Device, globals: &wgpu::BindGroupLayout) -> Self {
+    /// The pipelines.
+    pub(crate) fn new(context: &Context) -> Self {
+        let device = &context.device;
         let layout = uniforms::layout(device);
         let uniform = uniforms::buffer(device, "tool", size_of::<ToolUniform>());
+        let groups = [&context.globals, &context.textures, &layout];
+        let recipe = |label, fragment, depth| Recipe {
+            label,
+            text: text(),
+            entries: ["vertex_main", fragment],
+            groups: &groups,
+            buffers: &CORNERS,
+            topology: wgpu::PrimitiveTopology::TriangleList,
+            depth,
+        };
+        let solid = recipe("tool", "fragment_main", wgpu::CompareFunction::Less);
+        let ghost = recipe("ghost", "ghost_fragment", wgpu::CompareFunction::Greater);
         Self {
             group: uniforms::group(device, &layout, &uniform),
-            pipeline: pipeline(device, &[Some(globals), Some(&layout)]),
+            solid: solid.surfaces(device),
+            ghost: ghost.picture(device, Some(wgpu::BlendState::ALPHA_BLENDING)),
             uniform,
             meshes: Vec::new(),
         }
@@ -86,13 +102,35 @@ impl ToolPass {
         queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
     }
 
+    /// Balls (middle in the tool frame, radius; mm) that hold all of tool `index`.
+    pub(crate) fn balls(&self, index: usize) -> &[(DVec3, f64)] {
+        match self.meshes.get(index) {
+            Some(Some(mesh)) => &mesh.balls,
+            _ => &[],
+        }
+    }
+
     /// Draws tool `index`; a tool that is not known is not drawn.
     pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, index: usize) {
+        self.draw_with(&self.solid, pass, index);
+    }
+
+    /// Draws what bone hides of tool `index` over the picture.
+    pub(crate) fn draw_ghost(&self, pass: &mut wgpu::RenderPass<'_>, index: usize) {
+        self.draw_with(&self.ghost, pass, index);
+    }
+
+    fn draw_with(
+        &self,
+        pipeline: &wgpu::RenderPipeline,
+        pass: &mut wgpu::RenderPass<'_>,
+        index: usize,
+    ) {
         let Some(Some(mesh)) = self.meshes.get(index) else {
             return;
         };
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(1, &self.group, &[]);
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(2, &self.group, &[]);
         pass.set_vertex_buffer(0, mesh.corners.slice(..));
         pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
         pass.draw_indexed(0..mesh.count, 0, 0..1);
@@ -120,7 +158,29 @@ fn mesh(device: &wgpu::Device, outline_mm: &[[f32; 2]]) -> Option<Mesh> {
             wgpu::BufferUsages::INDEX,
         ),
         count: indices.len() as u32,
+        balls: balls(&corners),
     })
+}
+
+/// Balls along the axis that hold a lathe's corners, and so its triangles: every triangle joins
+/// corners of one segment, and a segment lies in the ball about its middle.
+fn balls(corners: &[Corner]) -> Vec<(DVec3, f64)> {
+    let per_segment = 2 * (usize::from(FACETS) + 1);
+    corners
+        .chunks(per_segment)
+        .map(|segment| {
+            let z = segment.iter().map(|c| f64::from(c.position[2]));
+            let (lo, hi) = z.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), z| {
+                (lo.min(z), hi.max(z))
+            });
+            let middle = DVec3::Z * (0.5 * (lo + hi));
+            let radius = segment.iter().map(|c| {
+                let at = glam::Vec3::from(c.position).as_dvec3();
+                (at - middle).length()
+            });
+            (middle, radius.fold(0.0, f64::max))
+        })
+        .collect()
 }
 
 /// Turns an outline of (r, z) points about z. Each segment has its own corners, so that edges stay
@@ -178,42 +238,17 @@ fn ring(corners: &mut Vec<Corner>, indices: &mut Vec<u32>, ends: [(Vec2, Vec2); 
     }
 }
 
-fn pipeline(
-    device: &wgpu::Device,
-    groups: &[Option<&wgpu::BindGroupLayout>],
-) -> wgpu::RenderPipeline {
-    let module = shader(device, "tool", shader_text(include_str!("tool.wgsl")));
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some("tool"),
-        bind_group_layouts: groups,
-        immediate_size: 0,
-    });
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("tool"),
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("vertex_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[Some(wgpu::VertexBufferLayout {
-                array_stride: size_of::<Corner>() as u64,
-                step_mode: wgpu::VertexStepMode::Vertex,
-                attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3],
-            })],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: Some(depth_state(wgpu::CompareFunction::Less)),
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("fragment_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(COLOUR.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+/// WGSL of the pass.
+pub(crate) fn text() -> String {
+    super::shader_text(&[include_str!("tool.wgsl")])
 }
+
+/// How a pipeline reads [`Corner`]s.
+const CORNERS: [wgpu::VertexBufferLayout<'static>; 1] = [wgpu::VertexBufferLayout {
+    array_stride: size_of::<Corner>() as u64,
+    step_mode: wgpu::VertexStepMode::Vertex,
+    attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3],
+}];
 
 #[cfg(test)]
 mod tests {

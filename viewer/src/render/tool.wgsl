@@ -6,12 +6,18 @@ struct Tool {
     colour: vec4f,  // rgb, screen values; w: gloss
 };
 
-@group(1) @binding(0) var<uniform> tool: Tool;
+@group(2) @binding(0) var<uniform> tool: Tool;
 
 struct Corner {
     @builtin(position) position: vec4f,
     @location(0) in_bone: vec3f,
     @location(1) normal: vec3f,
+};
+
+struct Steel {
+    @location(0) colour: vec4f,
+    @location(1) normal: vec4f,
+    @location(2) at: vec4f,
 };
 
 @vertex
@@ -22,11 +28,15 @@ fn vertex_main(@location(0) position: vec3f, @location(1) normal: vec3f) -> Corn
 }
 
 @fragment
-fn fragment_main(corner: Corner) -> @location(0) vec4f {
-    let n = normalize(corner.normal);
+fn fragment_main(corner: Corner) -> Steel {
+    let away = distance(globals.eye.xyz, corner.in_bone);
+    return Steel(tool.colour, vec4f(normalize(corner.normal), KIND_TOOL), vec4f(away, 0.0, 0.0, 0.0));
+}
+
+// The part of the tool that bone hides, as a ghost over the picture.
+@fragment
+fn ghost_fragment(corner: Corner) -> @location(0) vec4f {
     let to_eye = normalize(globals.eye.xyz - corner.in_bone);
-    let facing = abs(dot(n, to_eye));
-    let albedo = to_linear(tool.colour.rgb) * (0.75 + 0.25 * facing);
-    let lit = shade(albedo, n, to_eye, tool.colour.w, 1.0, 1.0);
-    return vec4f(to_screen(lit), 1.0);
+    let edge = 1.0 - abs(dot(normalize(corner.normal), to_eye));
+    return vec4f(0.45, 0.80, 1.0, 0.18 + 0.55 * edge * edge);
 }

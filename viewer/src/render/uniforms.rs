@@ -28,6 +28,11 @@ pub(crate) struct Globals {
     fill_light: [f32; 4],
     up: [f32; 4],
     square: [f32; 4],
+    plan_origin: [f32; 4],
+    plan_axis: [f32; 4],
+    section: [f32; 4],
+    window: [f32; 4],
+    options: [u32; 4],
 }
 
 /// Shortest step of a ray, in voxels: bounds the work of a grazing one.
@@ -67,6 +72,19 @@ impl Globals {
                 DVec3::new(square(view.size[0]), square(view.size[1]), 0.0),
                 0.0,
             ),
+            plan_origin: with(view.plan.translation, 0.0),
+            plan_axis: with(view.plan.vector(DVec3::Z), 0.0),
+            section: view
+                .look
+                .section
+                .map_or([0.0; 4], |s| with(s.normal, s.offset_mm)),
+            window: [view.look.window_hu[0], view.look.window_hu[1], 0.0, 0.0],
+            options: [
+                view.look.colouring as u32,
+                u32::from(view.look.section.is_some()),
+                u32::from(view.look.ghost),
+                0,
+            ],
         }
     }
 }

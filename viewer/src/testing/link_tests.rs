@@ -21,6 +21,7 @@ fn args(socket: &Path, out: Option<PathBuf>) -> ViewArgs {
         offscreen: out,
         size: [320, 180],
         scale: None,
+        renderer: crate::RendererKind::Iso,
         seconds: None,
         avoid_core: None,
         die_with_parent: false,

@@ -3,7 +3,9 @@
 pub(crate) mod bones;
 pub(crate) mod messages;
 pub(crate) mod server;
+pub(crate) mod stage;
 
+mod depth_tests;
 mod link_tests;
 mod mirror_tests;
 mod picture_tests;

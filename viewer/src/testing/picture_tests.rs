@@ -1,80 +1,20 @@
 //! Pictures against closed forms and against each other. Skipped, aloud, without an adapter.
 
 use super::bones::{ball, carve, scapula_like, surgery};
-use super::messages::tools;
-use crate::adapter::{self, Gpu};
-use crate::bricks::{BrickMap, Dirty};
+use super::stage::{at_ball, gpu, keep, model, picture, renderer, view};
+use crate::bricks::Dirty;
 use crate::camera::Camera;
-use crate::mirror::Model;
-use crate::offscreen::write_png;
+use crate::render::look::Look;
 use crate::render::{Renderer, View};
 use glam::{DQuat, DVec3};
-use osteon_sim_core::bone::Bone;
 use osteon_sim_core::cut::Cut;
 use osteon_sim_core::pose::Pose;
-use std::sync::Arc;
-
-/// The adapter, or a loud word that the test saw nothing.
-fn gpu(test: &str) -> Option<Gpu> {
-    match adapter::open() {
-        Ok(gpu) => Some(gpu),
-        Err(e) => {
-            eprintln!("SKIPPED {test}: {e:#}");
-            None
-        }
-    }
-}
-
-fn model(bone: &Bone, cut: Cut) -> Model {
-    let map = BrickMap::new(bone).unwrap();
-    Model {
-        bone: Arc::new(bone.clone()),
-        cut,
-        dirty: Dirty::all(&map),
-        map: Arc::new(map),
-    }
-}
-
-fn renderer(gpu: &Gpu, model: &mut Model) -> Renderer {
-    let mut renderer = Renderer::new(&gpu.device, &gpu.queue);
-    renderer.load(model, &tools()).unwrap();
-    renderer.upload(model, usize::MAX);
-    renderer
-}
-
-fn picture(renderer: &mut Renderer, view: &View) -> Vec<u8> {
-    renderer.draw(view);
-    renderer.read().unwrap()
-}
-
-/// Keeps a picture to look at, where `OSTEON_PICTURES` names a folder.
-fn keep(name: &str, size: [u32; 2], pixels: &[u8]) {
-    if let Some(folder) = std::env::var_os("OSTEON_PICTURES") {
-        let path = std::path::Path::new(&folder).join(format!("{name}.png"));
-        write_png(&path, size, pixels).unwrap();
-    }
-}
 
 fn differing(a: &[u8], b: &[u8]) -> usize {
     a.chunks_exact(4)
         .zip(b.chunks_exact(4))
         .filter(|(x, y)| x != y)
         .count()
-}
-
-fn view(camera: Camera, size: [u32; 2]) -> View {
-    View {
-        camera,
-        size,
-        tool: None,
-        shadows: false,
-    }
-}
-
-/// Looks along −x at a ball, from the given distance.
-fn at_ball(middle: DVec3) -> Camera {
-    let plan = Pose::from_origin_and_z(middle, DVec3::X);
-    Camera::at_plan(&plan, DVec3::Z)
 }
 
 #[test]
@@ -139,7 +79,7 @@ fn a_notch_changes_the_pixels_where_it_is_and_no_others() {
     });
     model.cut = cut;
     model.dirty = Dirty::all(&model.map);
-    renderer.upload(&mut model, usize::MAX);
+    renderer.upload(&mut model, usize::MAX).unwrap();
     let after = picture(&mut renderer, &view);
     keep("notch", size, &after);
     let pixel = |x: u32, y: u32| 4 * (y * size[0] + x) as usize;
@@ -193,7 +133,7 @@ fn uploading_changed_bricks_gives_the_picture_of_a_full_rebuild() {
         changed > 0 && changed < all / 2,
         "{changed} of {all} bricks uploaded"
     );
-    updated.upload(own, usize::MAX);
+    updated.upload(own, usize::MAX).unwrap();
     let incremental = picture(&mut updated, &view);
 
     let mut whole = model(&bone, cut);
@@ -281,6 +221,8 @@ fn something_like_a_scapula_is_drawn_in_time() {
             size,
             tool: Some((1, lifted)),
             shadows,
+            look: Look::default(),
+            plan,
         };
         drop(picture(&mut renderer, &view));
         let times = (0..8).map(|_| {
@@ -303,6 +245,8 @@ fn something_like_a_scapula_is_drawn_in_time() {
         size: [1280, 720],
         tool: None,
         shadows: true,
+        look: Look::default(),
+        plan,
     };
     let pixels = picture(&mut renderer, &close);
     keep("glenoid", close.size, &pixels);

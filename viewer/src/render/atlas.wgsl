@@ -1,4 +1,4 @@
-// The bone: iso-surface of min(solid, cut), marched through a map of 8^3 bricks.
+// The bone's textures, as every method reads them: a map of 8^3 bricks and atlases of their tiles.
 
 @group(1) @binding(0) var index_map: texture_3d<u32>;
 @group(1) @binding(1) var field_atlas: texture_3d<f32>;   // r: solid, g: cut; units of the band, positive inside
@@ -7,30 +7,11 @@
 
 const EMPTY: u32 = 0x80000000u;  // high bit: no brick here, low bits: bricks to the nearest one
 const TILE: f32 = 10.0;          // a brick and one voxel around it
+const BONE: vec3f = vec3f(0.890, 0.855, 0.788);  // #e3dac9
 const MOST_STEPS: i32 = 256;
 
-struct Screen { @builtin(position) position: vec4f, @location(0) ndc: vec2f };
-struct Pixel { @location(0) colour: vec4f, @builtin(frag_depth) depth: f32 };
 struct Sample { value: vec2f, tile: u32, uvw: vec3f };
 struct Hit { found: bool, t: f32 };
-
-// One square of the picture per instance (x in the low half, y in the high half), two triangles.
-@vertex
-fn vertex_main(@builtin(vertex_index) i: u32, @location(0) square: u32) -> Screen {
-    let corner = array(vec2u(0, 0), vec2u(0, 1), vec2u(1, 0), vec2u(1, 0), vec2u(0, 1), vec2u(1, 1))[i];
-    let at = vec2f(vec2u(square & 0xffffu, square >> 16u) + corner) * globals.square.xy;
-    let ndc = vec2f(at.x - 1.0, 1.0 - at.y);
-    return Screen(vec4f(ndc, 1.0, 1.0), ndc);
-}
-
-@vertex
-fn background_vertex(@builtin(vertex_index) i: u32) -> Screen {
-    let corner = vec2f(f32(i32(i & 1u) * 4 - 1), f32(i32(i >> 1u) * 4 - 1));
-    return Screen(vec4f(corner, 1.0, 1.0), corner);
-}
-
-@fragment
-fn background_fragment(screen: Screen) -> @location(0) vec4f { return background(screen.ndc); }
 
 // Voxel coordinates moved by a half, so that brick k covers [8k, 8k + 8) on each axis.
 fn voxel_of(p: vec3f) -> vec3f { return p / globals.spacing.xyz + 0.5; }
@@ -136,73 +117,47 @@ fn normal_at(p: vec3f, of_cut: bool, to_eye: vec3f) -> vec3f {
 
 fn field_uvw(uvw: vec3f) -> vec2f { return textureSampleLevel(field_atlas, trilinear, uvw, 0.0).xy; }
 
-// Share of the sky seen from a surface point: bone found at a few places above it.
-fn openness(p: vec3f, n: vec3f) -> f32 {
-    let helper = select(vec3f(1.0, 0.0, 0.0), vec3f(0.0, 1.0, 0.0), abs(n.x) > 0.7);
-    let a = normalize(cross(n, helper));
-    let b = cross(n, a);
-    var closed = 0.30 * filled(p + n * 1.0);
-    closed += 0.16 * filled(p + n * 3.0);
-    closed += 0.16 * filled(p + n * 2.0 + a * 2.6);
-    closed += 0.16 * filled(p + n * 2.0 - a * 2.6);
-    closed += 0.16 * filled(p + n * 2.0 + b * 2.6);
-    closed += 0.16 * filled(p + n * 2.0 - b * 2.6);
-    return 1.0 - 0.85 * min(closed, 1.0);
+// Colour of the tissue just inside a surface point and its presence, screen values.
+fn tissue_at(p: vec3f, n: vec3f) -> vec4f {
+    let s = sample_at(p - n * 0.6 * globals.spacing.xyz);
+    if s.tile == EMPTY { return vec4f(BONE, 0.0); }
+    let t = textureSampleLevel(tissue_atlas, trilinear, s.uvw, 0.0);
+    return vec4f(select(BONE, t.xyz / max(t.w, 1e-3), t.w > 0.02), t.w);
 }
 
-fn filled(p: vec3f) -> f32 { return smoothstep(-0.9, 0.6, value_at(p)); }
+// Depth below the plan's origin: green at it, then yellow and red to 20 mm, a line each millimetre.
+fn plan_colour(p: vec3f) -> vec3f {
+    let away = p - globals.plan_origin.xyz;
+    let height = dot(away, globals.plan_axis.xyz);
+    let radius = length(away - globals.plan_axis.xyz * height);
+    let deep = clamp(-height / 20.0, 0.0, 1.0);
+    var colour = mix(vec3f(0.45, 0.78, 0.55), vec3f(0.95, 0.84, 0.40), clamp(deep * 3.0, 0.0, 1.0));
+    colour = mix(colour, vec3f(0.83, 0.27, 0.23), clamp(deep * 1.5 - 0.5, 0.0, 1.0));
+    let line = 1.0 - smoothstep(0.04, 0.09, abs(fract(height + 0.5) - 0.5));
+    colour *= 1.0 - 0.35 * line;
+    return mix(colour, BONE, max(smoothstep(20.0, 24.0, radius), smoothstep(3.0, 6.0, height)));
+}
 
-// Bone colour outside; the layers' own colours on a cut.
-fn albedo_at(p: vec3f, n: vec3f, of_cut: bool) -> vec3f {
-    let inside = p - n * 0.6 * globals.spacing.xyz;
-    let s = sample_at(inside);
-    let bone = vec3f(0.890, 0.855, 0.788);
-    if s.tile == EMPTY { return to_linear(bone); }
-    let t = textureSampleLevel(tissue_atlas, trilinear, s.uvw, 0.0);
-    let tissue = select(bone, t.xyz / max(t.w, 1e-3), t.w > 0.02);
+// The bone's colour at a surface point, screen values; w: gloss.
+fn bone_colour(p: vec3f, n: vec3f) -> vec4f {
+    let both = sample_at(p).value;
+    let of_cut = both.y < both.x;
+    let tissue = tissue_at(p, n).xyz;
     // outside, only cartilage (the one bluish tissue) differs from bone: what else the labels say
     // there is partial volume
     let cartilage = smoothstep(0.0, 0.12, tissue.b - tissue.r);
-    let colour = select(mix(bone, tissue, 0.85 * cartilage), tissue, of_cut);
-    return to_linear(colour);
-}
-
-fn background(ndc: vec2f) -> vec4f {
-    let c = mix(vec3f(0.075, 0.085, 0.10), vec3f(0.19, 0.215, 0.25), 0.5 + 0.5 * ndc.y);
-    return vec4f(c, 1.0);
-}
-
-@fragment
-fn fragment_main(screen: Screen) -> Pixel {
-    let nothing = Pixel(background(screen.ndc), 1.0);
-    let eye = globals.eye.xyz;
-    var direction = globals.ray_z.xyz + globals.ray_x.xyz * screen.ndc.x + globals.ray_y.xyz * screen.ndc.y;
-    direction = normalize(direction);
-    direction = select(direction, vec3f(1e-6), abs(direction) < vec3f(1e-6));
-    let span = span_of_box(eye, 1.0 / direction, globals.box_lo.xyz, globals.box_hi.xyz);
-    if span.y <= max(span.x, 0.0) { return nothing; }
-    let hit = march(eye, direction, max(span.x, 0.0) + 1e-3, span.y);
-    if !hit.found { return nothing; }
-
-    let p = eye + direction * hit.t;
-    let both = sample_at(p).value;
-    let of_cut = both.y < both.x;
-    let n = normal_at(p, of_cut, -direction);
-    var albedo = albedo_at(p, n, of_cut);
+    var colour = select(mix(BONE, tissue, 0.85 * cartilage), tissue, of_cut);
+    if globals.options.x == COLOUR_TISSUE { colour = tissue; }
+    if globals.options.x == COLOUR_PLAN { colour = plan_colour(p); }
     // the rim, where both surfaces meet, is drawn as a fine line
     let rim = 1.0 - smoothstep(0.05, 0.30, abs(both.x - both.y));
-    albedo *= 1.0 - 0.45 * rim;
-    var key = 1.0;
-    if globals.eye.w > 0.5 && dot(n, globals.key_light.xyz) > 0.0 {
-        key = key_light_at(p + n * 0.6 * globals.ray_y.w);
-    }
-    let colour = shade(albedo, n, -direction, select(0.10, 0.05, of_cut), openness(p, n), key);
-    let clip = globals.clip_from_bone * vec4f(p, 1.0);
-    return Pixel(vec4f(to_screen(colour), 1.0), clamp(clip.z / clip.w, 0.0, 1.0));
+    return vec4f(colour * (1.0 - 0.25 * rim), select(0.10, 0.05, of_cut));
 }
 
-fn key_light_at(p: vec3f) -> f32 {
-    let direction = select(globals.key_light.xyz, vec3f(1e-6), abs(globals.key_light.xyz) < vec3f(1e-6));
-    let span = span_of_box(p, 1.0 / direction, globals.box_lo.xyz, globals.box_hi.xyz);
-    return select(1.0, 0.25, march(p, direction, 0.0, span.y).found);
+// The part of a ray that the section plane leaves.
+fn visible_part(origin: vec3f, direction: vec3f, span: vec2f) -> vec2f {
+    if globals.options.y == 0u { return span; }
+    let ahead = dot(direction, globals.section.xyz);
+    let t = (globals.section.w - dot(origin, globals.section.xyz)) / select(ahead, 1e-9, abs(ahead) < 1e-9);
+    return select(vec2f(max(span.x, t), span.y), vec2f(span.x, min(span.y, t)), ahead > 0.0);
 }

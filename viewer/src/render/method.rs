@@ -1,0 +1,153 @@
+//! The ways of drawing the bone behind one face.
+//!
+//! A method fills the surface buffers ([`super::target`]) where its bone is; light, tool and overlays
+//! are the same for all. All of them read the bone's textures ([`super::atlas`]), which the renderer
+//! keeps up to date.
+
+use super::View;
+use super::atlas::Atlas;
+use super::iso::Iso;
+use super::section::Section;
+use crate::mirror::Model;
+
+/// The methods.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, clap::ValueEnum)]
+pub enum Kind {
+    /// Smooth iso-surface of the fields, marched ray by ray through the map of bricks
+    #[default]
+    Iso,
+    /// CT densities on a section plane, the bone behind it
+    Section,
+}
+
+impl Kind {
+    /// All, in the order of the key that changes them.
+    pub const ALL: [Self; 2] = [Self::Iso, Self::Section];
+
+    /// Name in reports and on buttons.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Iso => "iso",
+            Self::Section => "section",
+        }
+    }
+
+    /// What it is, for people.
+    pub(crate) fn about(self) -> &'static str {
+        match self {
+            Self::Iso => "Smooth surface of the bone, exact between the voxels.",
+            Self::Section => "CT densities on a section plane through the tool's tip.",
+        }
+    }
+
+    /// The one after it.
+    pub(crate) fn next(self) -> Self {
+        let at = Self::ALL.iter().position(|&k| k == self).unwrap_or(0);
+        Self::ALL[(at + 1) % Self::ALL.len()]
+    }
+}
+
+/// What a method works with.
+#[derive(Debug, Clone)]
+pub(crate) struct Context {
+    /// The device.
+    pub(crate) device: wgpu::Device,
+    /// Its queue.
+    pub(crate) queue: wgpu::Queue,
+    /// Layout of group 0, the globals.
+    pub(crate) globals: wgpu::BindGroupLayout,
+    /// Layout of group 1, the bone's textures.
+    pub(crate) textures: wgpu::BindGroupLayout,
+}
+
+/// One way of drawing the bone.
+pub(crate) trait Method: core::fmt::Debug {
+    /// Takes note that a slot's values changed: every slot once after a method was made for a model.
+    fn changed(&mut self, context: &Context, model: &Model, slot: usize);
+
+    /// Does what the changes ask for, as much as one frame can bear; `all` = to the end.
+    fn update(&mut self, context: &Context, model: &Model, all: bool) -> anyhow::Result<()>;
+
+    /// Whether something is left to do.
+    fn is_behind(&self) -> bool {
+        false
+    }
+
+    /// Chooses what of the bone a view shows.
+    fn aim(&mut self, context: &Context, view: &View, atlas: &Atlas);
+
+    /// Draws into the surface buffers; groups 0 and 1 are set. `squares` can show bone.
+    fn draw(&self, pass: &mut wgpu::RenderPass<'_>, squares: &Squares);
+
+    /// Bytes on the adapter beside the bone's textures.
+    fn bytes(&self) -> u64;
+}
+
+/// The squares of the picture that can show something, as a buffer of instances.
+#[derive(Debug)]
+pub(crate) struct Squares {
+    buffer: wgpu::Buffer,
+    count: u32,
+}
+
+/// Vertices of a square.
+const SQUARE: u32 = 6;
+
+impl Squares {
+    /// None.
+    pub(crate) fn new(device: &wgpu::Device) -> Self {
+        Self {
+            buffer: Self::buffer(device, 1024),
+            count: 0,
+        }
+    }
+
+    fn buffer(device: &wgpu::Device, bytes: u64) -> wgpu::Buffer {
+        device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("squares"),
+            size: bytes,
+            usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// Takes a list as [`super::tiles`] makes it.
+    pub(crate) fn set(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, list: &[u32]) {
+        let bytes: &[u8] = bytemuck::cast_slice(list);
+        if bytes.len() as u64 > self.buffer.size() {
+            self.buffer = Self::buffer(device, bytes.len() as u64);
+        }
+        queue.write_buffer(&self.buffer, 0, bytes);
+        // a picture has at most 2²⁰ squares
+        self.count = u32::try_from(list.len()).unwrap_or(0);
+    }
+
+    /// Draws all of them with the pipeline that is set.
+    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_vertex_buffer(0, self.buffer.slice(..));
+        pass.draw(0..SQUARE, 0..self.count);
+    }
+
+    /// How a pipeline reads them.
+    pub(crate) const LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
+        array_stride: size_of::<u32>() as u64,
+        step_mode: wgpu::VertexStepMode::Instance,
+        attributes: &[wgpu::VertexAttribute {
+            format: wgpu::VertexFormat::Uint32,
+            offset: 0,
+            shader_location: 0,
+        }],
+    };
+}
+
+/// A method for a model, without anything of it yet.
+pub(crate) fn make(
+    kind: Kind,
+    context: &Context,
+    model: &Model,
+) -> anyhow::Result<Box<dyn Method>> {
+    Ok(match kind {
+        Kind::Iso => Box::new(Iso::new(context)),
+        Kind::Section => Box::new(Section::new(context, model)?),
+    })
+}
