@@ -158,7 +158,7 @@ impl ViewChoice {
     }
 
     /// What it means where the camera and the tool are now.
-    pub(crate) fn look(&self, places: &Places<'_>) -> Look {
+    pub(crate) fn look(self, places: &Places<'_>) -> Look {
         Look {
             method: self.method,
             colouring: self.colouring,
@@ -169,7 +169,7 @@ impl ViewChoice {
     }
 
     /// The plane, its hidden side towards the eye. The section renderer has always one.
-    fn section(&self, places: &Places<'_>) -> Option<SectionPlane> {
+    fn section(self, places: &Places<'_>) -> Option<SectionPlane> {
         let patient = |axis: DVec3| places.lps_from_bone.inverse().vector(axis);
         let plan_axis = places.bone_from_plan.vector(DVec3::Z);
         let back = -places.axes.forward;
