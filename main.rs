@@ -1,7 +1,7 @@
 //! `osteon`: one program, one sub-command for each process and report.
 
 use clap::{Parser, Subcommand};
-use osteon_firmware_bridge::{bench, doctor, fake, haptics, launcher};
+use osteon_firmware_bridge::{bench, doctor, fake, haptics, import, launcher};
 use osteon_tests::report;
 use std::process::ExitCode;
 
@@ -31,6 +31,8 @@ enum Task {
     FakeOmni(fake::FakeArgs),
     /// Play a script of sessions and faults in lockstep, without hardware and faster than real time
     Bench(bench::BenchArgs),
+    /// Make a scene of a lab's own data: a folder of DICOM slices
+    Import(import::ImportArgs),
     /// Say what this machine can do: real-time rights, ports, display, graphics
     Doctor(doctor::DoctorArgs),
     /// Measure, and write a document with its tables and plots
@@ -54,6 +56,7 @@ fn main() -> ExitCode {
         Task::View(args) => osteon_viewer::run(args),
         Task::FakeOmni(args) => fake::run(&args),
         Task::Bench(args) => bench::run(&args),
+        Task::Import(args) => import::run(&args),
         Task::Doctor(args) => doctor::run(&args, screen),
         Task::Report(report) => report::run(&report),
     };

@@ -1,7 +1,7 @@
 //! The haptics process of Osteon and everything that opens, waits or logs around the numbers.
 //!
 //! * [`link`]: devices on a cable; [`fake`]: a simulated one as a process of its own.
-//! * [`scene`]: a bone from a CT or from the built-in phantom; [`tools`]: tools from a file.
+//! * [`import`]: a lab's data into a scene; [`scene`]: a bone from a scene, a CT or the built-in phantom; [`tools`]: tools from a file.
 //! * [`haptics`]: the servo thread, its publisher, its sessions; [`rt`]: what it asks of the system.
 //! * [`mod@bench`]: device, cable and host in lockstep; [`launcher`]: the demonstration; [`doctor`]: what this machine can do; [`stop`]: how a process is asked to
 //!   end.
@@ -15,6 +15,7 @@ pub mod doctor;
 pub mod fake;
 pub mod feel;
 pub mod haptics;
+pub mod import;
 pub mod launcher;
 pub mod link;
 pub mod passage;

@@ -23,6 +23,7 @@ mod lanes;
 pub mod merge;
 pub mod omni;
 pub mod plan;
+pub mod planning;
 pub mod pose;
 pub mod pots;
 pub mod proxy;

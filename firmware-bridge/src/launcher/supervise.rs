@@ -327,10 +327,13 @@ fn haptics_args(args: &DemoArgs, files: &Files) -> Vec<String> {
 
 /// The scene's options as the haptics process takes them.
 fn scene_args(scene: &SceneArgs) -> Vec<String> {
-    let mut list = vec![
-        format!("--threshold={}", scene.threshold),
-        format!("--seed={}", scene.seed),
-    ];
+    let mut list = match &scene.scene {
+        Some(dir) => vec!["--scene".to_owned(), text(dir)],
+        None => vec![
+            format!("--threshold={}", scene.threshold),
+            format!("--seed={}", scene.seed),
+        ],
+    };
     let files = [
         ("--bone", &scene.bone),
         ("--labels", &scene.labels),

@@ -4,6 +4,7 @@
 
 mod ct;
 pub mod dense;
+pub mod file;
 pub mod labels;
 mod memory;
 pub mod nifti;
@@ -22,6 +23,9 @@ use std::sync::Arc;
 /// Which bone to load, and how.
 #[derive(Debug, Clone, clap::Args)]
 pub struct SceneArgs {
+    /// A scene's folder, as 'osteon import' makes it
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["bone", "labels", "keep", "threshold", "seed"])]
+    pub scene: Option<PathBuf>,
     /// CT of the bone: NIfTI (.nii, .nii.gz) or text (.txt, .csv, .xyz: `x y z density`) [default: the built-in scapula phantom]
     #[arg(long, value_name = "PATH")]
     pub bone: Option<PathBuf>,
@@ -53,6 +57,7 @@ pub struct SceneArgs {
 impl Default for SceneArgs {
     fn default() -> Self {
         Self {
+            scene: None,
             bone: None,
             labels: None,
             keep: Vec::new(),
@@ -120,6 +125,14 @@ pub enum SceneError {
         path: PathBuf,
         /// The threshold, HU.
         threshold_hu: f32,
+    },
+    /// A scene's folder that cannot be used.
+    #[error("{}: {problem}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        problem: String,
     },
     /// The label map lies on another grid than the CT.
     #[error("{}: not on the grid of {} ({difference}); resample the label map onto the CT", labels.display(), bone.display())]
@@ -201,6 +214,15 @@ pub enum SceneError {
 /// in [0, 1].
 pub fn load(args: &SceneArgs, progress: &mut dyn FnMut(&str, f32)) -> Result<Scene, SceneError> {
     check_options(args)?;
+    let resolved;
+    let args = match &args.scene {
+        Some(dir) => {
+            progress("checking the scene", 0.0);
+            resolved = file::resolved(dir, args)?;
+            &resolved
+        }
+        None => args,
+    };
     match &args.bone {
         Some(path) => ct::load(args, path, progress),
         None => phantom::load(args, progress),
@@ -251,4 +273,4 @@ impl SceneSummary {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

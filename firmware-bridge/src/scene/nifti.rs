@@ -11,6 +11,7 @@ use super::memory;
 use flate2::bufread::MultiGzDecoder;
 use glam::{DMat3, DQuat, DVec3};
 use header::Header;
+pub(crate) use header::{Element, Encoding};
 use osteon_sim_core::grid::Grid;
 use osteon_sim_core::pose::Pose;
 use std::fs::File;
@@ -166,7 +167,7 @@ fn read_problem(path: &Path) -> Result<Volume, Problem> {
 
 fn read_stream(stream: &mut dyn Read) -> Result<Volume, Problem> {
     let header = Header::read(stream)?;
-    let (grid, lps_from_bone, mirrored) = lattice(&header)?;
+    let (grid, lps_from_bone, mirrored) = lattice_of(&header)?;
     if let Some((need, available)) = memory::shortage(grid.len(), None) {
         return Err(Problem::Memory {
             dims: grid.dims,
@@ -174,11 +175,9 @@ fn read_stream(stream: &mut dyn Read) -> Result<Volume, Problem> {
             available,
         });
     }
-    let mut values = read_values(stream, &header)?;
+    let mut values = read_values(stream, &header.encoding, grid.len())?;
     if mirrored {
-        for row in values.chunks_exact_mut(grid.dims[0]) {
-            row.reverse();
-        }
+        mirror_rows(&mut values, grid.dims[0]);
     }
     Ok(Volume {
         grid,
@@ -188,7 +187,7 @@ fn read_stream(stream: &mut dyn Read) -> Result<Volume, Problem> {
 }
 
 /// Fills `buffer` as far as the stream goes; the count of bytes read.
-fn read_up_to(stream: &mut dyn Read, buffer: &mut [u8]) -> Result<usize, Problem> {
+fn read_up_to<R: Read + ?Sized>(stream: &mut R, buffer: &mut [u8]) -> Result<usize, Problem> {
     let mut got = 0;
     while got < buffer.len() {
         match stream.read(&mut buffer[got..]) {
@@ -208,10 +207,25 @@ fn read_up_to(stream: &mut dyn Read, buffer: &mut [u8]) -> Result<usize, Problem
     Ok(got)
 }
 
-/// The voxels, in blocks: memory grows with what is really there, not with what is promised.
-fn read_values(stream: &mut dyn Read, header: &Header) -> Result<Vec<f32>, Problem> {
-    let count: usize = header.dims.iter().product();
-    let size = header.element.size();
+/// Bytes that so many voxels need and that there are, where the latter are too few.
+pub(crate) fn memory_shortage(voxels: usize) -> Option<(u64, u64)> {
+    memory::shortage(voxels, None)
+}
+
+/// Turns every row round.
+pub(crate) fn mirror_rows(values: &mut [f32], length: usize) {
+    for row in values.chunks_exact_mut(length) {
+        row.reverse();
+    }
+}
+
+/// `count` voxels, in blocks: memory grows with what is really there, not with what is promised.
+pub(crate) fn read_values<R: Read + ?Sized>(
+    stream: &mut R,
+    encoding: &Encoding,
+    count: usize,
+) -> Result<Vec<f32>, Problem> {
+    let size = encoding.element.size();
     let expected = (count * size) as u64;
     let mut values: Vec<f32> = Vec::new();
     let mut block = vec![0; BLOCK.min(count * size)];
@@ -233,14 +247,14 @@ fn read_values(stream: &mut dyn Read, header: &Header) -> Result<Vec<f32>, Probl
                 .try_reserve_exact(more)
                 .map_err(|_too_much| Problem::Allocation(count))?;
         }
-        header.convert(&block[..want], &mut values);
+        encoding.convert(&block[..want], &mut values);
         left -= want;
     }
     Ok(values)
 }
 
-/// Grid, frame, and whether rows must be mirrored to make the lattice right-handed.
-fn lattice(header: &Header) -> Result<(Grid, Pose, bool), Problem> {
+/// The lattice of a header.
+fn lattice_of(header: &Header) -> Result<(Grid, Pose, bool), Problem> {
     let form = header.form();
     let ras = header.ras_affine();
     if ras.iter().flatten().any(|v| !v.is_finite()) {
@@ -248,8 +262,18 @@ fn lattice(header: &Header) -> Result<(Grid, Pose, bool), Problem> {
     }
     // RAS to LPS: x and y change sign
     let lps_of = |column: usize| DVec3::new(-ras[0][column], -ras[1][column], ras[2][column]);
-    let mut axes = [lps_of(0), lps_of(1), lps_of(2)];
-    let mut origin = lps_of(3);
+    let axes = [lps_of(0), lps_of(1), lps_of(2)];
+    lattice(form, header.dims, axes, lps_of(3))
+}
+
+/// Grid, frame, and whether rows must be mirrored to make the lattice right-handed, from the steps from
+/// voxel to voxel and the first voxel's centre (LPS, mm). `form` names the source in an error.
+pub(crate) fn lattice(
+    form: &'static str,
+    dims: [usize; 3],
+    mut axes: [DVec3; 3],
+    mut origin: DVec3,
+) -> Result<(Grid, Pose, bool), Problem> {
     for (a, axis) in axes.iter().enumerate() {
         let value = axis.length();
         if !(0.01..=20.0).contains(&value) {
@@ -270,10 +294,10 @@ fn lattice(header: &Header) -> Result<(Grid, Pose, bool), Problem> {
     }
     let mirrored = axes[0].cross(axes[1]).dot(axes[2]) < 0.0;
     if mirrored {
-        origin += axes[0] * (header.dims[0] - 1) as f64;
+        origin += axes[0] * (dims[0] - 1) as f64;
         axes[0] = -axes[0];
     }
-    let grid = Grid::new(header.dims, spacing).map_err(|_spacing| Problem::Affine(form))?;
+    let grid = Grid::new(dims, spacing).map_err(|_spacing| Problem::Affine(form))?;
     let rotation = rotation(axes).ok_or(Problem::Affine(form))?;
     Ok((grid, Pose::new(rotation, origin), mirrored))
 }

@@ -268,17 +268,22 @@ fn the_phantom_needs_no_file_and_its_lattice_follows_the_voxel_size() {
     assert!((scene.bone.grid().spacing_mm - 1.6).abs().max_element() < 1e-12);
 }
 
-fn data() -> Option<PathBuf> {
+/// A folder of the real data; `None`, said aloud, where there is none.
+pub(crate) fn real_data(name: &str) -> Option<PathBuf> {
     let root = std::env::var_os("OSTEON_DATA").map_or_else(
         || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
         PathBuf::from,
     );
-    let dir = root.join("lidc0314_shoulders");
-    if dir.join("right_shoulder_ct.nii.gz").is_file() {
+    let dir = root.join(name);
+    if dir.is_dir() {
         return Some(dir);
     }
-    eprintln!("SKIPPED: no CT at {}; set OSTEON_DATA", dir.display());
+    eprintln!("SKIPPED: no data at {}; set OSTEON_DATA", dir.display());
     None
+}
+
+fn data() -> Option<PathBuf> {
+    real_data("lidc0314_shoulders")
 }
 
 fn real_args(dir: &Path) -> SceneArgs {

@@ -14,7 +14,7 @@ const SIZE_2: usize = 540;
 
 /// How one voxel is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Element {
+pub(crate) enum Element {
     U8,
     I8,
     I16,
@@ -48,7 +48,7 @@ impl Element {
     }
 
     /// Bytes of one voxel.
-    pub(super) fn size(self) -> usize {
+    pub(crate) fn size(self) -> usize {
         match self {
             Self::U8 | Self::I8 => 1,
             Self::I16 | Self::U16 => 2,
@@ -58,14 +58,20 @@ impl Element {
     }
 }
 
+/// How voxels become numbers.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Encoding {
+    pub(crate) element: Element,
+    pub(crate) big_endian: bool,
+    /// value = stored · slope + intercept; `None` where no scaling is asked for
+    pub(crate) scale: Option<(f64, f64)>,
+}
+
 /// What the reader needs of a header.
 #[derive(Debug, Clone)]
 pub(super) struct Header {
     pub(super) dims: [usize; 3],
-    pub(super) element: Element,
-    big_endian: bool,
-    // value = stored · slope + intercept; `None` where the file asks for no scaling
-    scale: Option<(f64, f64)>,
+    pub(super) encoding: Encoding,
     // millimetres of one unit of the file
     unit_mm: f64,
     // pixdim[0..4]: handedness of the qform, then spacings
@@ -230,9 +236,11 @@ impl Header {
         let unchanged = (raw.slope - 1.0).abs() < f64::EPSILON && intercept == 0.0;
         Ok(Self {
             dims,
-            element,
-            big_endian,
-            scale: (scaled && !unchanged).then_some((raw.slope, intercept)),
+            encoding: Encoding {
+                element,
+                big_endian,
+                scale: (scaled && !unchanged).then_some((raw.slope, intercept)),
+            },
             unit_mm,
             pixdim: raw.pixdim,
             qform: (raw.qform_code > 0).then_some(raw.qform),
@@ -260,7 +268,9 @@ impl Header {
         };
         rows.map(|row| row.map(|v| v * self.unit_mm))
     }
+}
 
+impl Encoding {
     /// Appends the numbers of a block of whole voxels.
     pub(super) fn convert(&self, block: &[u8], values: &mut Vec<f32>) {
         match self.element {
