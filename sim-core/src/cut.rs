@@ -216,7 +216,7 @@ impl Cut {
 
     /// The stored values of a chunk and the bricks (one bit each) that count; the others are
     /// [`UNCUT`].
-    pub(crate) fn stored(&self, chunk: usize) -> (u64, &[i16]) {
+    pub fn stored(&self, chunk: usize) -> (u64, &[i16]) {
         let values = &self.values[chunk * CHUNK_VOXELS..(chunk + 1) * CHUNK_VOXELS];
         (self.touched[chunk], values)
     }

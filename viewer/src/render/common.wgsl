@@ -42,6 +42,13 @@ struct Surface {
     @builtin(frag_depth) depth: f32,
 };
 
+// The same where the rasterised depth is kept.
+struct Sheet {
+    @location(0) colour: vec4f,
+    @location(1) normal: vec4f,
+    @location(2) at: vec4f,
+};
+
 fn to_linear(c: vec3f) -> vec3f { return c * c * (0.76 * c + 0.24 * sqrt(max(c, vec3f(0.0)))); }
 fn to_screen(c: vec3f) -> vec3f { return pow(clamp(c, vec3f(0.0), vec3f(1.0)), vec3f(1.0 / 2.2)); }
 
@@ -64,4 +71,8 @@ fn is_hidden(p: vec3f) -> bool {
 fn surface(p: vec3f, n: vec3f, colour: vec3f, gloss: f32, kind: f32) -> Surface {
     let away = distance(p, globals.eye.xyz);
     return Surface(vec4f(colour, gloss), vec4f(n, kind), vec4f(away, 0.0, 0.0, 0.0), depth_of(p));
+}
+
+fn sheet(p: vec3f, n: vec3f, colour: vec3f, gloss: f32, kind: f32) -> Sheet {
+    return Sheet(vec4f(colour, gloss), vec4f(n, kind), vec4f(distance(p, globals.eye.xyz), 0.0, 0.0, 0.0));
 }

@@ -14,12 +14,6 @@ struct Corner {
     @location(1) normal: vec3f,
 };
 
-struct Steel {
-    @location(0) colour: vec4f,
-    @location(1) normal: vec4f,
-    @location(2) at: vec4f,
-};
-
 @vertex
 fn vertex_main(@location(0) position: vec3f, @location(1) normal: vec3f) -> Corner {
     let in_bone = (tool.bone_from_tool * vec4f(position, 1.0)).xyz;
@@ -28,9 +22,8 @@ fn vertex_main(@location(0) position: vec3f, @location(1) normal: vec3f) -> Corn
 }
 
 @fragment
-fn fragment_main(corner: Corner) -> Steel {
-    let away = distance(globals.eye.xyz, corner.in_bone);
-    return Steel(tool.colour, vec4f(normalize(corner.normal), KIND_TOOL), vec4f(away, 0.0, 0.0, 0.0));
+fn fragment_main(corner: Corner) -> Sheet {
+    return sheet(corner.in_bone, normalize(corner.normal), tool.colour.rgb, tool.colour.w, KIND_TOOL);
 }
 
 // The part of the tool that bone hides, as a ghost over the picture.
