@@ -197,6 +197,11 @@ impl BrickMap {
         });
     }
 
+    /// Chunk of a slot's brick.
+    pub(crate) fn chunk_of(&self, slot: usize) -> usize {
+        self.bricks[slot].0 as usize
+    }
+
     /// Tissue colours of a slot's tile.
     pub(crate) fn gather_tissue(&self, bone: &Bone, slot: usize, out: &mut [[u8; 4]]) {
         out.fill([0; 4]);

@@ -299,7 +299,12 @@ impl Mirror {
 }
 
 impl Model {
-    fn set_brick(&mut self, chunk: usize, brick: usize, values: &[i16]) -> Result<(), MirrorError> {
+    pub(crate) fn set_brick(
+        &mut self,
+        chunk: usize,
+        brick: usize,
+        values: &[i16],
+    ) -> Result<(), MirrorError> {
         if chunk >= self.bone.chunk_count() || brick >= BRICKS_PER_CHUNK {
             return Err(MirrorError::Bricks(format!(
                 "there is no brick {brick} of chunk {chunk}"

@@ -260,7 +260,7 @@ impl Session {
 }
 
 /// Centres of the bricks that hold solid bone, bone frame, mm.
-fn brick_centres(bone: &Bone) -> Vec<DVec3> {
+pub(crate) fn brick_centres(bone: &Bone) -> Vec<DVec3> {
     let spacing = bone.grid().spacing_mm;
     let mut centres = Vec::new();
     for chunk in 0..bone.chunk_count() {

@@ -24,6 +24,7 @@ impl Iso {
             topology: wgpu::PrimitiveTopology::TriangleList,
             // first in the picture, and squares do not overlap
             depth: wgpu::CompareFunction::Always,
+            cull: None,
         };
         Self {
             pipeline: recipe.surfaces(&context.device),

@@ -6,6 +6,7 @@
 
 use super::View;
 use super::atlas::Atlas;
+use super::chunked::{Chunked, Mesher};
 use super::iso::Iso;
 use super::section::Section;
 use crate::mirror::Model;
@@ -16,18 +17,37 @@ pub enum Kind {
     /// Smooth iso-surface of the fields, marched ray by ray through the map of bricks
     #[default]
     Iso,
+    /// Surface nets of each chunk, meshed on the CPU: for weak graphics cards
+    Mesh,
+    /// Faces between voxels of bone and air, the thesis's mesh
+    Cubes,
+    /// The same faces merged into rectangles
+    Greedy,
+    /// Voxels as ray-traced boxes, the thesis's choice
+    Splats,
     /// CT densities on a section plane, the bone behind it
     Section,
 }
 
 impl Kind {
     /// All, in the order of the key that changes them.
-    pub const ALL: [Self; 2] = [Self::Iso, Self::Section];
+    pub const ALL: [Self; 6] = [
+        Self::Iso,
+        Self::Mesh,
+        Self::Cubes,
+        Self::Greedy,
+        Self::Splats,
+        Self::Section,
+    ];
 
     /// Name in reports and on buttons.
     pub fn name(self) -> &'static str {
         match self {
             Self::Iso => "iso",
+            Self::Mesh => "mesh",
+            Self::Cubes => "cubes",
+            Self::Greedy => "greedy",
+            Self::Splats => "splats",
             Self::Section => "section",
         }
     }
@@ -36,6 +56,10 @@ impl Kind {
     pub(crate) fn about(self) -> &'static str {
         match self {
             Self::Iso => "Smooth surface of the bone, exact between the voxels.",
+            Self::Mesh => "Triangles of the smooth surface: less work for a weak graphics card.",
+            Self::Cubes => "Voxels as cubes, one rectangle for each face.",
+            Self::Greedy => "Voxels as cubes, their faces merged into larger rectangles.",
+            Self::Splats => "Voxels as boxes, each found by a ray in every pixel.",
             Self::Section => "CT densities on a section plane through the tool's tip.",
         }
     }
@@ -148,6 +172,10 @@ pub(crate) fn make(
 ) -> anyhow::Result<Box<dyn Method>> {
     Ok(match kind {
         Kind::Iso => Box::new(Iso::new(context)),
+        Kind::Mesh => Box::new(Chunked::new(context, Mesher::Nets, model)),
+        Kind::Cubes => Box::new(Chunked::new(context, Mesher::Faces, model)),
+        Kind::Greedy => Box::new(Chunked::new(context, Mesher::Greedy, model)),
+        Kind::Splats => Box::new(Chunked::new(context, Mesher::Splats, model)),
         Kind::Section => Box::new(Section::new(context, model)?),
     })
 }

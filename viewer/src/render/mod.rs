@@ -6,6 +6,8 @@
 
 pub(crate) mod atlas;
 pub(crate) mod blit;
+pub(crate) mod chunked;
+pub(crate) mod frustum;
 pub(crate) mod iso;
 pub(crate) mod look;
 pub(crate) mod method;
@@ -240,10 +242,16 @@ impl Renderer {
     }
 
     /// Distance of each pixel's point from the eye, mm; 0 where there is nothing.
-    #[cfg(test)]
     pub(crate) fn read_distances(&self) -> anyhow::Result<Vec<f32>> {
         let Context { device, queue, .. } = &self.context;
         let bytes = self.target.read_surface(device, queue, 2)?;
+        Ok(bytemuck::pod_collect_to_vec(&bytes))
+    }
+
+    /// Normal of each pixel's point and its kind, as half floats.
+    pub(crate) fn read_normals(&self) -> anyhow::Result<Vec<[u16; 4]>> {
+        let Context { device, queue, .. } = &self.context;
+        let bytes = self.target.read_surface(device, queue, 1)?;
         Ok(bytemuck::pod_collect_to_vec(&bytes))
     }
 }

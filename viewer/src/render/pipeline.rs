@@ -19,6 +19,8 @@ pub(crate) struct Recipe<'a> {
     pub(crate) topology: wgpu::PrimitiveTopology,
     /// Where the new depth holds.
     pub(crate) depth: wgpu::CompareFunction,
+    /// Triangles that are left out.
+    pub(crate) cull: Option<wgpu::Face>,
 }
 
 impl Recipe<'_> {
@@ -67,6 +69,7 @@ impl Recipe<'_> {
             },
             primitive: wgpu::PrimitiveState {
                 topology: self.topology,
+                cull_mode: self.cull,
                 ..Default::default()
             },
             depth_stencil: Some(wgpu::DepthStencilState {

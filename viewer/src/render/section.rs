@@ -25,6 +25,7 @@ impl Section {
             buffers: &[Squares::LAYOUT],
             topology: wgpu::PrimitiveTopology::TriangleList,
             depth: wgpu::CompareFunction::Always,
+            cull: None,
         };
         Ok(Self {
             pipeline: recipe.surfaces(&context.device),

@@ -30,6 +30,7 @@ impl Shade {
             buffers: &[Squares::LAYOUT],
             topology: wgpu::PrimitiveTopology::TriangleList,
             depth: wgpu::CompareFunction::Always,
+            cull: None,
         };
         let background = Recipe {
             label: "background",
@@ -39,6 +40,7 @@ impl Shade {
             buffers: &[],
             topology: wgpu::PrimitiveTopology::TriangleList,
             depth: wgpu::CompareFunction::Always,
+            cull: None,
         };
         Self {
             light: light.picture(device, None),

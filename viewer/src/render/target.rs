@@ -166,7 +166,6 @@ impl Target {
     }
 
     /// A surface buffer as bytes, row by row from the top. Waits for the adapter.
-    #[cfg(test)]
     pub(crate) fn read_surface(
         &self,
         device: &wgpu::Device,

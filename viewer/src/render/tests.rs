@@ -7,6 +7,9 @@ fn texts() -> Vec<(&'static str, String)> {
     vec![
         ("iso", iso::text()),
         ("section", section::text()),
+        ("mesh", chunked::Mesher::Nets.text()),
+        ("cubes", chunked::Mesher::Faces.text()),
+        ("splats", chunked::Mesher::Splats.text()),
         ("shade", shade::text()),
         ("tool", tool::text()),
         ("blit", include_str!("blit.wgsl").to_owned()),

@@ -71,6 +71,7 @@ impl ToolPass {
             buffers: &CORNERS,
             topology: wgpu::PrimitiveTopology::TriangleList,
             depth,
+            cull: None,
         };
         let solid = recipe("tool", "fragment_main", wgpu::CompareFunction::Less);
         let ghost = recipe("ghost", "ghost_fragment", wgpu::CompareFunction::Greater);

@@ -5,6 +5,7 @@ pub(crate) mod messages;
 pub(crate) mod server;
 pub(crate) mod stage;
 
+mod agreement_tests;
 mod depth_tests;
 mod link_tests;
 mod mirror_tests;
