@@ -26,6 +26,7 @@ pub use place::THRESHOLD_HU;
 pub use reza::Reza;
 pub use simd::Isa;
 pub use thesis::Thesis;
+pub use thesis::gpu::ThesisOnAdapter;
 pub use voxel_tool::{Distance, THESIS_VOXEL_MM, VoxelTool};
 pub use yau::Yau;
 pub use zheng::Zheng;

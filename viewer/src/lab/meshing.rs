@@ -44,83 +44,106 @@ fn best(rounds: usize, mut job: impl FnMut()) -> Duration {
     times.min().unwrap_or_default()
 }
 
-/// Measures all meshers on a bone and its cut, `rounds` times each, on this thread.
-pub fn rates(bone: &Bone, cut: &Cut, rounds: usize) -> (Vec<Rate>, Phases) {
-    let mut all = Occupied::new(bone.chunk_count());
-    let every = 0..bone.chunk_count();
-    for chunk in every.clone() {
-        read_chunk(bone, cut, chunk, all.rows_mut(chunk));
-    }
-    let mut apron = Apron::new();
-    // a chunk without a surface costs next to nothing: it does not count
-    let busy: Vec<usize> = every
-        .filter(|&chunk| {
-            all.apron(bone, chunk, &mut apron);
-            let mut voxels = Vec::new();
-            surface_voxels(&apron, &mut voxels);
-            !voxels.is_empty()
-        })
-        .collect();
-    let bits = best(rounds, || {
-        for &chunk in &busy {
+/// What the meshers work with, and the times of what they have in common.
+struct Work<'a> {
+    bone: &'a Bone,
+    cut: &'a Cut,
+    all: Occupied,
+    busy: Vec<usize>,
+    rounds: usize,
+    bits: Duration,
+    aprons: Duration,
+}
+
+impl<'a> Work<'a> {
+    fn new(bone: &'a Bone, cut: &'a Cut, rounds: usize) -> Self {
+        let mut all = Occupied::new(bone.chunk_count());
+        for chunk in 0..bone.chunk_count() {
             read_chunk(bone, cut, chunk, all.rows_mut(chunk));
         }
-    });
-    let aprons = best(rounds, || {
-        for &chunk in &busy {
-            all.apron(bone, chunk, &mut apron);
-            std::hint::black_box(&apron);
-        }
-    });
-    let mut words = Vec::new();
-    let mut scratch = greedy::Scratch::new();
-    let mut net_scratch = nets::Scratch::new();
-    let mut out = Net::default();
-    let mut rates = vec![Rate {
-        mesher: "bits",
-        chunks: busy.len(),
-        chunks_per_ms: per_ms(busy.len(), bits + aprons),
-        without_bits_per_ms: per_ms(busy.len(), aprons),
-        pieces: busy.iter().map(|&c| all.count(c) as usize).sum(),
-    }];
-    let each = 1e6 / busy.len().max(1) as f64;
-    let mut phases = Phases {
-        bits_us: bits.as_secs_f64() * each,
-        apron_us: aprons.as_secs_f64() * each,
-        mesh_us: Vec::new(),
-    };
-    for mesher in ["faces", "greedy", "splats", "nets"] {
-        let mut pieces = 0;
-        let time = best(rounds, || {
-            pieces = 0;
+        let mut apron = Apron::new();
+        // a chunk without a surface costs next to nothing: it does not count
+        let busy: Vec<usize> = (0..bone.chunk_count())
+            .filter(|&chunk| {
+                all.apron(bone, chunk, &mut apron);
+                let mut voxels = Vec::new();
+                surface_voxels(&apron, &mut voxels);
+                !voxels.is_empty()
+            })
+            .collect();
+        let bits = best(rounds, || {
+            for &chunk in &busy {
+                read_chunk(bone, cut, chunk, all.rows_mut(chunk));
+            }
+        });
+        let aprons = best(rounds, || {
             for &chunk in &busy {
                 all.apron(bone, chunk, &mut apron);
+                std::hint::black_box(&apron);
+            }
+        });
+        Self {
+            bone,
+            cut,
+            all,
+            busy,
+            rounds,
+            bits,
+            aprons,
+        }
+    }
+
+    /// Time of all chunks with their aprons, and the pieces that came of it.
+    fn time(&self, mesher: &str) -> (Duration, usize) {
+        let mut apron = Apron::new();
+        let (mut words, mut out) = (Vec::new(), Net::default());
+        let (mut scratch, mut net_scratch) = (greedy::Scratch::new(), nets::Scratch::new());
+        let mut pieces = 0;
+        let time = best(self.rounds, || {
+            pieces = 0;
+            for &chunk in &self.busy {
+                self.all.apron(self.bone, chunk, &mut apron);
                 words.clear();
                 match mesher {
                     "faces" => faces(&apron, &mut words),
                     "greedy" => greedy(&apron, &mut scratch, &mut words),
                     "splats" => surface_voxels(&apron, &mut words),
                     _ => {
-                        let around = Around::new(bone, cut, chunk);
+                        let around = Around::new(self.bone, self.cut, chunk);
                         net(&apron, &around, &mut net_scratch, &mut out);
                     }
                 }
-                pieces += if mesher == "nets" {
-                    out.indices.len() / 3
-                } else {
-                    words.len()
-                };
+                pieces += words.len() + out.indices.len() / 3;
                 std::hint::black_box((&words, &out));
             }
         });
-        rates.push(Rate {
-            mesher,
-            chunks: busy.len(),
-            chunks_per_ms: per_ms(busy.len(), time + bits),
-            without_bits_per_ms: per_ms(busy.len(), time),
-            pieces,
-        });
-        let alone = time.saturating_sub(aprons).as_secs_f64() * each;
+        (time, pieces)
+    }
+}
+
+/// Measures all meshers on a bone and its cut, `rounds` times each, on this thread.
+pub fn rates(bone: &Bone, cut: &Cut, rounds: usize) -> (Vec<Rate>, Phases) {
+    let work = Work::new(bone, cut, rounds);
+    let chunks = work.busy.len();
+    let each = 1e6 / chunks.max(1) as f64;
+    let solid = work.busy.iter().map(|&c| work.all.count(c) as usize).sum();
+    let rate = |mesher, time: Duration, pieces| Rate {
+        mesher,
+        chunks,
+        chunks_per_ms: per_ms(chunks, time + work.bits),
+        without_bits_per_ms: per_ms(chunks, time),
+        pieces,
+    };
+    let mut rates = vec![rate("bits", work.aprons, solid)];
+    let mut phases = Phases {
+        bits_us: work.bits.as_secs_f64() * each,
+        apron_us: work.aprons.as_secs_f64() * each,
+        mesh_us: Vec::new(),
+    };
+    for mesher in ["faces", "greedy", "splats", "nets"] {
+        let (time, pieces) = work.time(mesher);
+        rates.push(rate(mesher, time, pieces));
+        let alone = time.saturating_sub(work.aprons).as_secs_f64() * each;
         phases.mesh_us.push((mesher, alone));
     }
     (rates, phases)
@@ -136,6 +159,7 @@ mod tests {
     use crate::testing::bones::{scapula_like, surgery};
 
     #[test]
+    #[expect(clippy::print_stderr, reason = "a test that shows its figures")]
     fn every_mesher_is_measured_on_chunks_with_a_surface() {
         let fine = std::env::var_os("OSTEON_MESHING").is_some();
         let (bone, plan) = scapula_like(if fine { 0.47 } else { 1.0 });

@@ -6,4 +6,4 @@ pub mod reference;
 pub mod stage;
 
 pub use compare::{Difference, Surfaces};
-pub use stage::{Frames, Stage};
+pub use stage::{Adapter, Frames, Stage};

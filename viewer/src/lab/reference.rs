@@ -1,5 +1,9 @@
 //! The reference that methods are held against: a ray-march in `f64` on the CPU, through the fields as
 //! the servo reads them. It shares no line with the shaders.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "compared with a picture of f32"
+)]
 
 use super::compare::Surfaces;
 use crate::camera::Camera;

@@ -34,6 +34,27 @@ pub struct Stage {
     outline: Vec<DVec3>,
 }
 
+/// A graphics adapter, for computations.
+#[derive(Debug)]
+pub struct Adapter(Gpu);
+
+impl Adapter {
+    /// Opens the adapter that would draw.
+    pub fn open() -> anyhow::Result<Self> {
+        adapter::open().map(Self)
+    }
+
+    /// Device and queue.
+    pub fn device(&self) -> (&wgpu::Device, &wgpu::Queue) {
+        (&self.0.device, &self.0.queue)
+    }
+
+    /// Which it is.
+    pub fn brief(&self) -> &AdapterBrief {
+        &self.0.adapter
+    }
+}
+
 /// Times of frames, ms, in order.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Frames {
@@ -96,11 +117,6 @@ impl Stage {
         &self.gpu.adapter
     }
 
-    /// Device and queue, for computations beside the drawing.
-    pub fn device(&self) -> (&wgpu::Device, &wgpu::Queue) {
-        (&self.gpu.device, &self.gpu.queue)
-    }
-
     /// Frames the whole bone.
     pub fn show_whole(&mut self) {
         self.view.camera.fit(&self.outline, self.view.aspect());
@@ -141,7 +157,7 @@ impl Stage {
         let mut changed = Vec::new();
         let bone = Arc::clone(&self.model.bone);
         carve(&bone, &mut self.truth, tool, step, &mut |chunk, brick| {
-            changed.push((chunk, brick))
+            changed.push((chunk, brick));
         });
         for (chunk, brick) in changed {
             if let Some(values) = self.truth.brick(chunk, brick) {
@@ -218,13 +234,21 @@ impl Frames {
     }
 }
 
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "f64 becomes f32 as on the wire"
+)]
+fn narrowed(value: f64) -> f32 {
+    value as f32
+}
+
 /// What the viewer is told of tools.
 fn infos(tools: &[Tool]) -> Vec<ToolInfo> {
     let info = |tool: &Tool| ToolInfo {
         name: tool.name.clone(),
         id: tool.id.clone(),
         outline_mm: tool.shape.outline(),
-        rpm: tool.rpm as f32,
+        rpm: narrowed(tool.rpm),
     };
     tools.iter().map(info).collect()
 }

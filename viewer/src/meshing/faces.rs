@@ -7,6 +7,10 @@
     clippy::inline_always,
     reason = "all of a job must be compiled for the vectors of this processor"
 )]
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "places in a chunk of 32³ and its apron"
+)]
 
 use super::bits::{Apron, EDGE};
 use super::unit::{Job, Unit, dispatch};

@@ -4,6 +4,11 @@
     clippy::inline_always,
     reason = "all of a job must be compiled for the vectors of this processor"
 )]
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::needless_range_loop,
+    reason = "places in a chunk of 32³ and its apron"
+)]
 
 use super::bits::Apron;
 use super::faces::{DIRECTION_BIT, PlaneFaces, SIZE_BIT, of_plane};
@@ -27,6 +32,10 @@ pub(crate) struct Scratch {
 
 impl Scratch {
     /// Nothing.
+    #[expect(
+        clippy::large_stack_arrays,
+        reason = "on its way to the heap, once for a thread"
+    )]
     pub(crate) fn new() -> Self {
         Self {
             planes: Box::new([[[0; CHUNK]; 6]; CHUNK]),

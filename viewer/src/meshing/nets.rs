@@ -8,6 +8,11 @@
     clippy::inline_always,
     reason = "all of a job must be compiled for the vectors of this processor"
 )]
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "places in a chunk of 32³ and its apron"
+)]
 
 use super::bits::{Apron, EDGE};
 use super::unit::{Job, Unit, dispatch};
@@ -68,10 +73,6 @@ static NEAR: [u8; EDGE] = {
     near
 };
 
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a voxel of a chunk is below 32768"
-)]
 const fn offsets() -> [[u16; EDGE]; 3] {
     let mut table = [[0; EDGE]; 3];
     let mut i = 0;
@@ -165,6 +166,10 @@ pub(crate) struct Scratch {
 
 impl Scratch {
     /// Nothing.
+    #[expect(
+        clippy::large_stack_arrays,
+        reason = "on its way to the heap, once for a thread"
+    )]
     pub(crate) fn new() -> Self {
         Self {
             vertex_of: Box::new([0; CELLS * CELLS * CELLS]),
@@ -301,6 +306,9 @@ fn place_vertices(cells: &[[u8; 4]], around: &Around<'_>, out: &mut Vec<[u16; 4]
     }));
 }
 
+/// Steps to the cells before, along each axis.
+const STEPS: [usize; 3] = [1, CELLS, CELLS * CELLS];
+
 /// Appends the quads about the edges that begin in one row of voxels.
 #[inline(always)]
 fn quads_of_row(
@@ -312,8 +320,6 @@ fn quads_of_row(
     let at = z * EDGE + y;
     let row = apron.rows[at];
     let ends = [row >> 1, apron.rows[at + 1], apron.rows[at + EDGE]];
-    // steps to the cells before, along each axis
-    const STEPS: [usize; 3] = [1, CELLS, CELLS * CELLS];
     let base = (z * CELLS + y) * CELLS;
     for (axis, end) in ends.into_iter().enumerate() {
         let crossed = (row ^ end) & OWN;

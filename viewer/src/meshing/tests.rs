@@ -1,4 +1,10 @@
 //! Meshes against plain loops over voxels, and against spheres.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::print_stderr,
+    reason = "places in a lattice of a few chunks; a test that shows its figure"
+)]
 
 use super::bits::{Apron, EDGE, Occupied, read_chunk};
 use super::faces::{DIRECTION_BIT, SIZE_BIT, faces, surface_voxels};

@@ -90,7 +90,7 @@ mod x86 {
 
     #[cfg(test)]
     mod tests {
-        use super::super::{Portable, Unit};
+        use super::super::{Portable, Unit as _};
         use super::{V3, V4};
 
         #[test]
