@@ -5,7 +5,7 @@
     reason = "coordinates are clamped to the lattice before the cast; a chunk count fits in u32"
 )]
 
-pub mod gpu;
+pub(super) mod gpu;
 
 use super::place::{Cells, Region, active, density, overlap};
 use super::simd::{self, Isa};
