@@ -9,7 +9,7 @@ use crate::cut::Cut;
 use crate::tool::Tool;
 
 /// Units of work ([`Carving::carve_some`]: one is a line of voxels written) that a tick may carve: a bound
-/// on the work, not on the time. The last chunk begun may overdraw it, by 1,108 units at most
+/// on the work, not on the time. The last chunk begun may overdraw it, by 1,177 units at most
 /// (a tool of triangles by ten times that).
 pub const TICK_WORK: i64 = 12_288;
 

@@ -9,10 +9,10 @@
 
 use crate::aligned::Aligned;
 use crate::bone::{Bone, LineMasks, Occupancy};
-use crate::carve::Placed;
+use crate::carve::{Placed, Plans};
 use crate::grid::{
     BRICK_VOXELS, BRICKS_PER_CHUNK, CHUNK, CHUNK_VOXELS, Grid, LINE_VOXELS, LINES_PER_BRICK,
-    brick_origin, voxel_in_brick,
+    LINES_PER_CHUNK, brick_origin, voxel_in_brick,
 };
 use crate::tissue::TISSUES;
 use glam::DVec3;
@@ -84,6 +84,8 @@ pub struct Cut {
     emptied: Vec<u64>,
     // a stamp that lies in the values to its end, the last one
     last_stamp: Option<Placed>,
+    // what carving keeps from step to step
+    pub(crate) plans: Plans,
     values: Aligned<i16>,
     pub(crate) totals: Totals,
 }
@@ -110,6 +112,13 @@ impl<'a> OpenChunk<'a> {
     /// The same by lines.
     pub(crate) fn lines(&mut self, brick: usize) -> &mut [[i16; LINE_VOXELS]; LINES_PER_BRICK] {
         let lines: &mut [[i16; LINE_VOXELS]] = self.brick(brick).as_chunks_mut().0;
+        &mut lines.as_chunks_mut().0[0]
+    }
+
+    /// The values of the whole chunk by lines; those of bricks that were not opened by [`Self::brick`] mean
+    /// nothing.
+    pub(crate) fn all(&mut self) -> &mut [[i16; LINE_VOXELS]; LINES_PER_CHUNK] {
+        let lines: &mut [[i16; LINE_VOXELS]] = self.values.as_chunks_mut().0;
         &mut lines.as_chunks_mut().0[0]
     }
 
@@ -144,6 +153,7 @@ impl Cut {
             emptied_lines: vec![[0; BRICKS_PER_CHUNK]; bone.chunk_count()],
             emptied: vec![0; bone.chunk_count()],
             last_stamp: None,
+            plans: Plans::new(bone.chunk_count()),
             values: Aligned::filled(UNCUT, bone.chunk_count() * CHUNK_VOXELS),
             totals: Totals::zero(),
         }
@@ -181,6 +191,7 @@ impl Cut {
         self.revision = 0;
         self.touched.fill(0);
         self.last_stamp = None;
+        self.plans.clear();
         self.emptied.fill(0);
         self.emptied_lines.fill([0; BRICKS_PER_CHUNK]);
         self.totals.clear();
@@ -269,6 +280,7 @@ impl Cut {
         self.brick_mut(chunk, brick).copy_from_slice(values);
         // values may have risen: nothing is known to be at its lowest, or below a stamp
         self.last_stamp = None;
+        self.plans.forget(chunk);
         self.emptied_lines[chunk][brick] = 0;
         self.emptied[chunk] &= !(1 << brick);
         true

@@ -23,6 +23,8 @@ pub const BRICKS_PER_CHUNK: usize = 64;
 pub const LINE_VOXELS: usize = 32;
 /// Lines of a brick; one bit each in a `u16`.
 pub const LINES_PER_BRICK: usize = 16;
+/// Lines of a chunk.
+pub const LINES_PER_CHUNK: usize = LINES_PER_BRICK * BRICKS_PER_CHUNK;
 /// Longest allowed edge of a lattice, voxels.
 pub const MAX_DIM: usize = 4096;
 

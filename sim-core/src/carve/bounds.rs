@@ -120,20 +120,19 @@ impl<F: Copy> Bounds<F> {
         self.high = high;
     }
 
-    /// Where each face of the node can decide the distance: where it can be the largest of a part
-    /// that can be the smallest.
+    /// Where each face of the node can decide the distance, or comes within `room` of it: where it can be
+    /// the largest of a part that can be the smallest.
     #[inline(always)]
-    pub(super) fn deciding<L: Lanes<F = F>>(&self, l: L, node: &Node) -> Deciding {
+    pub(super) fn deciding<L: Lanes<F = F>>(&self, l: L, node: &Node, room: F) -> Deciding {
         let mut bits = [0; MAX_FLAT];
         for (n, bits) in bits.iter_mut().enumerate().take(node.count) {
-            *bits = self.decides(l, node, n, l.splat(0.0));
+            *bits = self.decides(l, node, n, room);
         }
         bits
     }
 
-    /// Where face `n` can decide, or comes within `room` of it.
     #[inline(always)]
-    pub(super) fn decides<L: Lanes<F = F>>(&self, l: L, node: &Node, n: usize, room: F) -> u16 {
+    fn decides<L: Lanes<F = F>>(&self, l: L, node: &Node, n: usize, room: F) -> u16 {
         let part = self.part_low[usize::from(node.faces[n % MAX_FLAT].part) % MAX_PARTS];
         let part = l.sub(part, room);
         l.le(part, self.face_high[n % MAX_FLAT]) & l.le(part, self.high)
@@ -206,21 +205,22 @@ impl<F: Copy> Sides<F> {
         self.high = high;
     }
 
-    /// Which of `faces` are needed on the lines in `near`: of every part that can be the smallest on one
-    /// of them, all that can be its largest on any.
+    /// Which of `faces` are needed on the lines in `near`, or come within `room` of it: of every part that can
+    /// be the smallest on one of them, all that can be its largest on any.
     #[inline(always)]
     pub(super) fn deciding<L: Lanes<F = F>>(
         &self,
         l: L,
         chunk: &Node,
         faces: u16,
-        near: u16,
+        (near, room): (u16, F),
     ) -> u16 {
         let (mut rest, mut needed) = (faces, 0);
         while rest != 0 {
             let n = rest.trailing_zeros() as usize % MAX_FLAT;
             rest &= rest - 1;
             let part = self.part_low[usize::from(chunk.faces[n].part) % MAX_PARTS];
+            let part = l.sub(part, room);
             let least = l.le(part, self.high) & near != 0;
             let most = l.le(part, self.face_high[n]) & near != 0;
             needed |= u16::from(least && most) << n;

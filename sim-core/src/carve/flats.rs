@@ -1,11 +1,12 @@
 //! A brick's voxels, a layer of 4×4 at a time: what the layers of a brick have in common is computed
 //! once for each of the four places that a line has in a layer.
 //!
-//! Most bricks see one face or two, so these have code without loops over faces; the values are the same
-//! bits as those of the general code.
+//! Most bricks see one face or two, so these have code without loops over faces, and all bricks of a chunk
+//! that see the same go through one loop ([`super::batch`]); the values are the same bits as those of the
+//! general code.
 #![expect(clippy::inline_always, reason = "lanes must melt into the job")]
 
-use super::node::{Node, NodeFace, Points, Square, root};
+use super::node::{Frame, Node, NodeFace, Points, Square, root};
 use super::placed::MAX_FLAT;
 use crate::grid::LINES_PER_BRICK;
 use crate::lanes::Lanes;
@@ -29,209 +30,364 @@ impl<F> Voxels<F> {
     }
 }
 
-/// What each layer of a brick adds.
-type Rises = [f32; 16];
+/// Two of a kind: one for each face of a [`Two`].
+pub(super) type Pair<T> = [T; 2];
 
-/// The tool's distance in one brick. All of it must be inlined into the job.
+/// What a face's voxels in one brick have in common.
+#[derive(Clone, Copy)]
+pub(super) struct Plate<F> {
+    // at each place of a line: of a square, and of z
+    flat: [F; 4],
+    heights: [F; 4],
+    // what each layer adds to these
+    steps: [f32; 16],
+    rises: [f32; 16],
+}
+
+impl<F: Copy> Plate<F> {
+    /// Room.
+    #[inline(always)]
+    pub(super) fn new<L: Lanes<F = F>>(l: L) -> Self {
+        Self {
+            flat: [l.splat(0.0); 4],
+            heights: [l.splat(0.0); 4],
+            steps: [0.0; 16],
+            rises: [0.0; 16],
+        }
+    }
+
+    #[inline(always)]
+    fn lay_square<L: Lanes<F = F>>(&mut self, l: L, square: Square, voxels: &Voxels<F>) {
+        self.steps = square.steps(l, &voxels.heights);
+        for (flat, layer) in self.flat.iter_mut().zip(&voxels.layers) {
+            *flat = square.flat(l, layer);
+        }
+    }
+
+    #[inline(always)]
+    fn lay_heights<L: Lanes<F = F>>(&mut self, l: L, frame: &Frame, voxels: &Voxels<F>) {
+        self.rises = l.store(l.mul(l.splat(frame.axis[2]), voxels.heights[0]));
+        for (heights, layer) in self.heights.iter_mut().zip(&voxels.layers) {
+            *heights = frame.heights(l, layer);
+        }
+    }
+
+    /// The square's value on a layer at a place.
+    #[inline(always)]
+    fn square<L: Lanes<F = F>>(&self, l: L, place: usize, layer: usize) -> F {
+        l.add(self.flat[place & 3], l.splat(self.steps[layer & 15]))
+    }
+
+    /// z on a layer at a place.
+    #[inline(always)]
+    fn z<L: Lanes<F = F>>(&self, l: L, place: usize, layer: usize) -> F {
+        l.add(self.heights[place & 3], l.splat(self.rises[layer & 15]))
+    }
+}
+
+/// The distance to the faces that a set of bricks sees. All of it must be inlined into the job.
 pub(super) trait Field<L: Lanes> {
-    /// Gets ready for the lines in `near`.
-    fn prepare(&mut self, l: L, voxels: &Voxels<L::F>, near: u16);
-    /// Signed distances on the two layers of line `line`.
-    fn pair(&self, l: L, voxels: &Voxels<L::F>, line: usize) -> [L::F; 2];
+    /// Lays out the brick whose first voxel lies at `o` in a chunk's node.
+    fn lay(
+        &self,
+        l: L,
+        plates: &mut Pair<Plate<L::F>>,
+        chunk: &Node,
+        o: [f32; 3],
+        voxels: &Voxels<L::F>,
+    );
+    /// Signed distances on the two layers of line `line` of a brick.
+    fn pair(&self, l: L, plates: &Pair<Plate<L::F>>, line: usize) -> [L::F; 2];
 }
 
-/// A face in one brick: what its layers have in common is made once for each place of a line.
+/// A face of a chunk's node: what all bricks of the chunk have in common.
 pub(super) trait Sheet<L: Lanes> {
-    /// Face `face` of a chunk's node in the brick whose first voxel lies at `o` there.
-    fn new(l: L, chunk: &Node, face: usize, o: [f32; 3], voxels: &Voxels<L::F>) -> Self;
-    /// Signed distance on layer `layer` at a place.
-    fn at(&self, l: L, place: usize, layer: usize) -> L::F;
+    /// Of face `face`.
+    fn new(l: L, face: &NodeFace) -> Self;
+    /// Lays out a brick.
+    fn lay(
+        l: L,
+        plate: &mut Plate<L::F>,
+        chunk: (&Node, &NodeFace),
+        o: [f32; 3],
+        voxels: &Voxels<L::F>,
+    );
+    /// Signed distance on layer `layer` of a brick at a place.
+    fn at(&self, l: L, plate: &Plate<L::F>, place: usize, layer: usize) -> L::F;
 }
 
-/// One face alone.
-pub(super) struct One<A>(pub A);
+/// One face alone, and its number.
+pub(super) struct One<A>(A, usize);
 
-/// The larger distance of two faces.
-pub(super) struct Two<A, B>(pub A, pub B);
+/// The larger distance of two faces, and their numbers.
+pub(super) struct Two<A, B>(A, B, [usize; 2]);
+
+impl<A> One<A> {
+    /// Face `a` of a chunk's node.
+    #[inline(always)]
+    pub(super) fn new<L: Lanes>(l: L, chunk: &Node, a: usize) -> Self
+    where
+        A: Sheet<L>,
+    {
+        Self(A::new(l, &chunk.faces[a % MAX_FLAT]), a % MAX_FLAT)
+    }
+}
+
+impl<A, B> Two<A, B> {
+    /// Faces `a` and `b` of a chunk's node.
+    #[inline(always)]
+    pub(super) fn new<L: Lanes>(l: L, chunk: &Node, a: usize, b: usize) -> Self
+    where
+        A: Sheet<L>,
+        B: Sheet<L>,
+    {
+        let (a, b) = (a % MAX_FLAT, b % MAX_FLAT);
+        Self(
+            A::new(l, &chunk.faces[a]),
+            B::new(l, &chunk.faces[b]),
+            [a, b],
+        )
+    }
+}
 
 impl<L: Lanes, A: Sheet<L>> Field<L> for One<A> {
     #[inline(always)]
-    fn prepare(&mut self, _: L, _: &Voxels<L::F>, _: u16) {}
+    fn lay(
+        &self,
+        l: L,
+        plates: &mut Pair<Plate<L::F>>,
+        chunk: &Node,
+        o: [f32; 3],
+        voxels: &Voxels<L::F>,
+    ) {
+        A::lay(l, &mut plates[0], (chunk, &chunk.faces[self.1]), o, voxels);
+    }
 
     #[inline(always)]
-    fn pair(&self, l: L, _: &Voxels<L::F>, line: usize) -> [L::F; 2] {
+    fn pair(&self, l: L, plates: &Pair<Plate<L::F>>, line: usize) -> [L::F; 2] {
         let (place, low, high) = (line & 3, line >> 1 & 6, line >> 1 & 6 | 1);
-        [self.0.at(l, place, low), self.0.at(l, place, high)]
+        let plate = &plates[0];
+        [
+            self.0.at(l, plate, place, low),
+            self.0.at(l, plate, place, high),
+        ]
     }
 }
 
 impl<L: Lanes, A: Sheet<L>, B: Sheet<L>> Field<L> for Two<A, B> {
     #[inline(always)]
-    fn prepare(&mut self, _: L, _: &Voxels<L::F>, _: u16) {}
+    fn lay(
+        &self,
+        l: L,
+        plates: &mut Pair<Plate<L::F>>,
+        chunk: &Node,
+        o: [f32; 3],
+        voxels: &Voxels<L::F>,
+    ) {
+        let [first, second] = plates;
+        let [a, b] = self.2;
+        A::lay(l, first, (chunk, &chunk.faces[a]), o, voxels);
+        B::lay(l, second, (chunk, &chunk.faces[b]), o, voxels);
+    }
 
     #[inline(always)]
-    fn pair(&self, l: L, _: &Voxels<L::F>, line: usize) -> [L::F; 2] {
+    fn pair(&self, l: L, [a, b]: &Pair<Plate<L::F>>, line: usize) -> [L::F; 2] {
         let (place, low, high) = (line & 3, line >> 1 & 6, line >> 1 & 6 | 1);
         [
-            l.max(self.0.at(l, place, low), self.1.at(l, place, low)),
-            l.max(self.0.at(l, place, high), self.1.at(l, place, high)),
+            l.max(self.0.at(l, a, place, low), self.1.at(l, b, place, low)),
+            l.max(self.0.at(l, a, place, high), self.1.at(l, b, place, high)),
         ]
     }
 }
 
 /// A plane.
 pub(super) struct OnePlane<F> {
-    face: NodeFace,
-    rises: Rises,
-    heights: [F; 4],
+    sign: F,
+    offset: F,
 }
 
 impl<L: Lanes> Sheet<L> for OnePlane<L::F> {
     #[inline(always)]
-    fn new(l: L, chunk: &Node, face: usize, o: [f32; 3], voxels: &Voxels<L::F>) -> Self {
-        let frame = chunk.frame.moved(o);
+    fn new(l: L, face: &NodeFace) -> Self {
         Self {
-            face: chunk.faces[face % MAX_FLAT],
-            rises: l.store(l.mul(l.splat(frame.axis[2]), voxels.heights[0])),
-            heights: [
-                frame.heights(l, &voxels.layers[0]),
-                frame.heights(l, &voxels.layers[1]),
-                frame.heights(l, &voxels.layers[2]),
-                frame.heights(l, &voxels.layers[3]),
-            ],
+            sign: l.splat(face.a),
+            offset: l.splat(face.c),
         }
     }
 
     #[inline(always)]
-    fn at(&self, l: L, place: usize, layer: usize) -> L::F {
-        let z = l.add(self.heights[place], l.splat(self.rises[layer]));
-        l.sub(l.mul(l.splat(self.face.a), z), l.splat(self.face.c))
+    fn lay(
+        l: L,
+        plate: &mut Plate<L::F>,
+        (chunk, _): (&Node, &NodeFace),
+        o: [f32; 3],
+        voxels: &Voxels<L::F>,
+    ) {
+        plate.lay_heights(l, &chunk.frame.moved(o), voxels);
+    }
+
+    #[inline(always)]
+    fn at(&self, l: L, plate: &Plate<L::F>, place: usize, layer: usize) -> L::F {
+        l.sub(l.mul(self.sign, plate.z(l, place, layer)), self.offset)
     }
 }
 
 /// A ball that is not wide.
 pub(super) struct OneBall<F> {
-    radius: f32,
-    steps: Rises,
-    flat: [F; 4],
+    radius: F,
 }
 
 impl<L: Lanes> Sheet<L> for OneBall<L::F> {
     #[inline(always)]
-    fn new(l: L, chunk: &Node, face: usize, o: [f32; 3], voxels: &Voxels<L::F>) -> Self {
-        let face = &chunk.faces[face % MAX_FLAT];
-        let square = face.square.moved(o);
+    fn new(l: L, face: &NodeFace) -> Self {
         Self {
-            radius: face.c,
-            steps: square.steps(l, &voxels.heights),
-            flat: flats(l, square, voxels),
+            radius: l.splat(face.c),
         }
     }
 
     #[inline(always)]
-    fn at(&self, l: L, place: usize, layer: usize) -> L::F {
-        let q = l.add(self.flat[place], l.splat(self.steps[layer]));
-        l.sub(root(l, q), l.splat(self.radius))
+    fn lay(
+        l: L,
+        plate: &mut Plate<L::F>,
+        (_, face): (&Node, &NodeFace),
+        o: [f32; 3],
+        voxels: &Voxels<L::F>,
+    ) {
+        plate.lay_square(l, face.square.moved(o), voxels);
+    }
+
+    #[inline(always)]
+    fn at(&self, l: L, plate: &Plate<L::F>, place: usize, layer: usize) -> L::F {
+        l.sub(root(l, plate.square(l, place, layer)), self.radius)
+    }
+}
+
+/// What bends e of a wide face into its distance ([`NodeFace::wide`]).
+struct Bend<F> {
+    a: F,
+    b: F,
+    one: F,
+}
+
+impl<F: Copy> Bend<F> {
+    #[inline(always)]
+    fn new<L: Lanes<F = F>>(l: L, face: &NodeFace) -> Self {
+        Self {
+            a: l.splat(face.a),
+            b: l.splat(face.b),
+            one: l.splat(1.0),
+        }
+    }
+
+    #[inline(always)]
+    fn of<L: Lanes<F = F>>(&self, l: L, e: F) -> F {
+        let bend = l.sub(self.a, l.mul(self.b, e));
+        l.mul(e, l.sub(self.one, l.mul(e, bend)))
     }
 }
 
 /// A wide ball.
 pub(super) struct OneWideBall<F> {
-    face: NodeFace,
-    steps: Rises,
-    flat: [F; 4],
+    bend: Bend<F>,
 }
 
 impl<L: Lanes> Sheet<L> for OneWideBall<L::F> {
     #[inline(always)]
-    fn new(l: L, chunk: &Node, face: usize, o: [f32; 3], voxels: &Voxels<L::F>) -> Self {
-        let face = chunk.faces[face % MAX_FLAT];
-        let square = face.square.moved(o);
+    fn new(l: L, face: &NodeFace) -> Self {
         Self {
-            face,
-            steps: square.steps(l, &voxels.heights),
-            flat: flats(l, square, voxels),
+            bend: Bend::new(l, face),
         }
     }
 
     #[inline(always)]
-    fn at(&self, l: L, place: usize, layer: usize) -> L::F {
-        let e = l.add(self.flat[place], l.splat(self.steps[layer]));
-        self.face.wide(l, e)
+    fn lay(
+        l: L,
+        plate: &mut Plate<L::F>,
+        (_, face): (&Node, &NodeFace),
+        o: [f32; 3],
+        voxels: &Voxels<L::F>,
+    ) {
+        plate.lay_square(l, face.square.moved(o), voxels);
+    }
+
+    #[inline(always)]
+    fn at(&self, l: L, plate: &Plate<L::F>, place: usize, layer: usize) -> L::F {
+        self.bend.of(l, plate.square(l, place, layer))
     }
 }
 
 /// A wide cylinder.
 pub(super) struct OneWideCylinder<F> {
-    face: NodeFace,
-    rises: Rises,
-    steps: Rises,
-    flat: [F; 4],
-    heights: [F; 4],
+    bend: Bend<F>,
+    share: F,
 }
 
 impl<L: Lanes> Sheet<L> for OneWideCylinder<L::F> {
     #[inline(always)]
-    fn new(l: L, chunk: &Node, face: usize, o: [f32; 3], voxels: &Voxels<L::F>) -> Self {
-        let plane = OnePlane::new(l, chunk, face, o, voxels);
-        let square = plane.face.square.moved(o);
+    fn new(l: L, face: &NodeFace) -> Self {
         Self {
-            face: plane.face,
-            rises: plane.rises,
-            steps: square.steps(l, &voxels.heights),
-            flat: flats(l, square, voxels),
-            heights: plane.heights,
+            bend: Bend::new(l, face),
+            share: l.splat(face.square.share),
         }
     }
 
     #[inline(always)]
-    fn at(&self, l: L, place: usize, layer: usize) -> L::F {
-        let foot = l.add(self.flat[place], l.splat(self.steps[layer]));
-        let z = l.add(self.heights[place], l.splat(self.rises[layer]));
-        self.face.tube(l, foot, z)
+    fn lay(
+        l: L,
+        plate: &mut Plate<L::F>,
+        (chunk, face): (&Node, &NodeFace),
+        o: [f32; 3],
+        voxels: &Voxels<L::F>,
+    ) {
+        plate.lay_heights(l, &chunk.frame.moved(o), voxels);
+        plate.lay_square(l, face.square.moved(o), voxels);
+    }
+
+    #[inline(always)]
+    fn at(&self, l: L, plate: &Plate<L::F>, place: usize, layer: usize) -> L::F {
+        let foot = plate.square(l, place, layer);
+        let z = plate.z(l, place, layer);
+        self.bend.of(l, l.sub(foot, l.mul(l.mul(self.share, z), z)))
     }
 }
 
 /// A cone or cylinder that is not wide.
 pub(super) struct OneCone<F> {
-    face: NodeFace,
-    rises: Rises,
-    steps: Rises,
-    flat: [F; 4],
-    heights: [F; 4],
+    // nᵣ, n₂, offset
+    out: F,
+    up: F,
+    offset: F,
 }
 
 impl<L: Lanes> Sheet<L> for OneCone<L::F> {
     #[inline(always)]
-    fn new(l: L, chunk: &Node, face: usize, o: [f32; 3], voxels: &Voxels<L::F>) -> Self {
-        let plane = OnePlane::new(l, chunk, face, o, voxels);
-        let square = chunk.frame.square.moved(o);
+    fn new(l: L, face: &NodeFace) -> Self {
         Self {
-            face: plane.face,
-            rises: plane.rises,
-            steps: square.steps(l, &voxels.heights),
-            flat: flats(l, square, voxels),
-            heights: plane.heights,
+            out: l.splat(face.a),
+            up: l.splat(face.b),
+            offset: l.splat(face.c),
         }
     }
 
     #[inline(always)]
-    fn at(&self, l: L, place: usize, layer: usize) -> L::F {
-        let z = l.add(self.heights[place], l.splat(self.rises[layer]));
-        let q = l.add(self.flat[place], l.splat(self.steps[layer]));
-        self.face.cone(l, (root(l, l.sub(q, l.mul(z, z))), z))
+    fn lay(
+        l: L,
+        plate: &mut Plate<L::F>,
+        (chunk, _): (&Node, &NodeFace),
+        o: [f32; 3],
+        voxels: &Voxels<L::F>,
+    ) {
+        plate.lay_heights(l, &chunk.frame.moved(o), voxels);
+        plate.lay_square(l, chunk.frame.square.moved(o), voxels);
     }
-}
 
-/// The part of a square that the layers of a place have in common.
-#[inline(always)]
-fn flats<L: Lanes>(l: L, square: Square, voxels: &Voxels<L::F>) -> [L::F; 4] {
-    [
-        square.flat(l, &voxels.layers[0]),
-        square.flat(l, &voxels.layers[1]),
-        square.flat(l, &voxels.layers[2]),
-        square.flat(l, &voxels.layers[3]),
-    ]
+    #[inline(always)]
+    fn at(&self, l: L, plate: &Plate<L::F>, place: usize, layer: usize) -> L::F {
+        let z = plate.z(l, place, layer);
+        let q = plate.square(l, place, layer);
+        let r = root(l, l.sub(q, l.mul(z, z)));
+        l.sub(l.add(l.mul(self.out, r), l.mul(self.up, z)), self.offset)
+    }
 }
 
 /// Any faces, one after the other over all lines.
@@ -325,9 +481,10 @@ fn of_face<L: Lanes>(
     [face.distance(l, rz0, q0), face.distance(l, rz1, q1)]
 }
 
-impl<L: Lanes> Field<L> for Many<'_, L> {
+impl<L: Lanes> Many<'_, L> {
+    /// Computes the lines in `near`.
     #[inline(always)]
-    fn prepare(&mut self, l: L, voxels: &Voxels<L::F>, near: u16) {
+    pub(super) fn prepare(&mut self, l: L, voxels: &Voxels<L::F>, near: u16) {
         let (mut begins_part, mut begins_tool) = (true, true);
         for n in 0..self.node.count.min(MAX_FLAT) {
             self.face(l, voxels, n, (near, begins_part));
@@ -340,8 +497,9 @@ impl<L: Lanes> Field<L> for Many<'_, L> {
         }
     }
 
+    /// Signed distances on the two layers of a line.
     #[inline(always)]
-    fn pair(&self, _: L, _: &Voxels<L::F>, line: usize) -> [L::F; 2] {
+    pub(super) fn pair(&self, line: usize) -> [L::F; 2] {
         self.room.tool[line % LINES_PER_BRICK]
     }
 }

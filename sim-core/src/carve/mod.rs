@@ -9,6 +9,7 @@
 //! vector unit, nor the order of work, nor what was skipped changes a bit of it (`placed.rs` has the
 //! formula). So servo, publisher and replay hold the same cut.
 
+mod batch;
 mod bounds;
 mod flats;
 mod ledger;
@@ -16,6 +17,7 @@ mod node;
 mod patterns;
 mod pencil;
 mod placed;
+mod plan;
 mod sampled;
 mod since;
 mod stamp;
@@ -28,6 +30,8 @@ pub use crate::lanes::Isa;
 use crate::pose::Pose;
 use crate::tool::{Shape, Tool};
 pub(crate) use placed::Placed;
+pub(crate) use plan::Plans;
+use plan::Standing;
 use sampled::Sampled;
 use since::Since;
 use stamp::Stamp;
@@ -156,7 +160,7 @@ impl Carving {
     /// lowers `budget` by what was spent. True where the step is done (it then counts as one revision
     /// of the cut). One unit is one line written (ten where the tool is sampled on a grid), one brick, layer
     /// of bricks or chunk coordinate looked at; a pose costs 16 more. A chunk is always finished, so the
-    /// budget is overdrawn by 1,108 at most (ten times that for a sampled tool). Any partition of a step
+    /// budget is overdrawn by 1,177 at most (ten times that for a sampled tool). Any partition of a step
     /// gives the same cut.
     pub fn carve_some(
         self,
@@ -219,7 +223,16 @@ impl Carving {
         let since = last
             .as_ref()
             .and_then(|last| Since::new(last, &placed, corners));
+        let standing = since.as_ref().and_then(|since| {
+            let apex = placed.apex();
+            let far = (corners.0 - apex).abs().max((corners.1 - apex).abs());
+            Standing::new(&placed, far.length(), f64::from(since.moved()))
+        });
+        if standing.is_some() {
+            work.cut.plans.are_of(&placed);
+        }
         let mut stamp = Stamp {
+            standing,
             bone: work.bone,
             cut: &mut *work.cut,
             changed: &mut *work.changed,
@@ -231,11 +244,11 @@ impl Carving {
             budget,
         };
         let total = chunks_of(&range);
-        while progress.chunks < total {
-            if *stamp.budget <= 0 {
-                return false;
-            }
+        while progress.chunks < total && *stamp.budget > 0 {
             progress.chunks = stamp.run(self.isa, &range, progress.chunks);
+        }
+        if progress.chunks < total {
+            return false;
         }
         if solid.is_some() {
             work.cut.set_last_stamp(&placed);

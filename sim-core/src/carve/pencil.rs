@@ -1,10 +1,11 @@
 //! Lines of one brick: lowered without a branch on what they hold, then booked.
 #![expect(clippy::inline_always, reason = "lanes must melt into the job")]
 
+use super::batch::ChunkLines;
 use super::ledger::Ledger;
 use crate::bone::Bone;
 use crate::cut::Totals;
-use crate::grid::{BRICKS_PER_CHUNK, LINE_VOXELS, LINES_PER_BRICK};
+use crate::grid::{BRICKS_PER_CHUNK, LINE_VOXELS, LINES_PER_BRICK, LINES_PER_CHUNK};
 use crate::lanes::Lanes;
 
 /// The stored values of a line.
@@ -17,11 +18,11 @@ pub(super) type Losses<L> = [<L as Lanes>::I; LINES_PER_BRICK];
 /// What the bone holds in one chunk, by lines.
 #[derive(Clone, Copy)]
 pub(super) struct Ground<'a> {
-    solid: &'a [Lines],
-    class: &'a [[u8; LINE_VOXELS]],
-    label: &'a [[u8; LINE_VOXELS]],
+    solid: &'a ChunkLines,
+    class: &'a [[u8; LINE_VOXELS]; LINES_PER_CHUNK],
+    label: &'a [[u8; LINE_VOXELS]; LINES_PER_CHUNK],
     // class and label of the lines that have one of each, and which of a brick have not
-    kinds: &'a [[u8; 2]],
+    kinds: &'a [[u8; 2]; LINES_PER_CHUNK],
     mixed: &'a [u16; BRICKS_PER_CHUNK],
 }
 
@@ -30,11 +31,49 @@ impl<'a> Ground<'a> {
     pub(super) fn new(bone: &'a Bone, chunk: usize) -> Self {
         let data = bone.chunk(chunk);
         Self {
-            solid: data.solid.as_chunks().0.as_chunks().0,
-            class: data.class.as_chunks().0,
-            label: data.label.as_chunks().0,
-            kinds: bone.line_kinds(chunk),
+            solid: &data.solid.as_chunks().0.as_chunks().0[0],
+            class: &data.class.as_chunks().0.as_chunks().0[0],
+            label: &data.label.as_chunks().0.as_chunks().0[0],
+            kinds: &bone.line_kinds(chunk).as_chunks().0[0],
             mixed: bone.mixed_lines(chunk),
+        }
+    }
+
+    /// Distances to the bone's surface on line `at` of the chunk.
+    #[inline(always)]
+    pub(super) fn solid(&self, at: usize) -> &Line {
+        &self.solid[at % LINES_PER_CHUNK]
+    }
+
+    /// Of a brick.
+    #[inline(always)]
+    fn solid_of(&self, brick: usize) -> &'a Lines {
+        &self.solid.as_chunks().0[brick % BRICKS_PER_CHUNK]
+    }
+
+    /// Books what line `at` of the chunk lost.
+    #[inline(always)]
+    pub(super) fn book<L: Lanes>(
+        &self,
+        l: L,
+        at: usize,
+        loss: L::I,
+        (ledger, totals): (&mut Ledger<L>, &mut Totals),
+    ) {
+        let at = at % LINES_PER_CHUNK;
+        if self.mixed[at / LINES_PER_BRICK] >> (at % LINES_PER_BRICK) & 1 == 0 {
+            let [class, label] = self.kinds[at];
+            ledger.add(loss, (class, label), totals);
+            return;
+        }
+        let (class, label) = (&self.class[at], &self.label[at]);
+        let mut lanes = l.not_zero(loss);
+        while lanes != 0 {
+            let n = lanes.trailing_zeros() as usize;
+            let kind = (class[n], label[n]);
+            let same = l.equal_bytes(class, kind.0) & l.equal_bytes(label, kind.1);
+            ledger.add(l.keep(loss, same), kind, totals);
+            lanes &= !same;
         }
     }
 }
@@ -67,7 +106,7 @@ impl<'a, L: Lanes> Pencil<'a, L> {
         Self {
             l,
             values,
-            solid: &ground.solid[brick],
+            solid: ground.solid_of(brick),
             window: [l.splat_i(window), l.splat_i(-window)],
             losses,
             changed: l.splat_i(0),
@@ -123,36 +162,11 @@ impl<'a, L: Lanes> Pencil<'a, L> {
         totals: &mut Totals,
     ) {
         let mut losing = self.losing;
-        let mixed = ground.mixed[brick % BRICKS_PER_CHUNK];
         while losing != 0 {
             let line = losing.trailing_zeros() as usize % LINES_PER_BRICK;
             losing &= losing - 1;
             let at = brick * LINES_PER_BRICK + line;
-            let loss = self.losses[line];
-            if mixed >> line & 1 == 0 {
-                let [class, label] = ground.kinds[at];
-                ledger.add(loss, (class, label), totals);
-            } else {
-                self.book_mixed(loss, (&ground.class[at], &ground.label[at]), ledger, totals);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn book_mixed(
-        &self,
-        loss: L::I,
-        (class, label): (&[u8; LINE_VOXELS], &[u8; LINE_VOXELS]),
-        ledger: &mut Ledger<L>,
-        totals: &mut Totals,
-    ) {
-        let mut lanes = self.l.not_zero(loss);
-        while lanes != 0 {
-            let n = lanes.trailing_zeros() as usize;
-            let kind = (class[n], label[n]);
-            let same = self.l.equal_bytes(class, kind.0) & self.l.equal_bytes(label, kind.1);
-            ledger.add(self.l.keep(loss, same), kind, totals);
-            lanes &= !same;
+            ground.book(self.l, at, self.losses[line], (&mut *ledger, &mut *totals));
         }
     }
 }

@@ -22,9 +22,9 @@
     reason = "lengths become f32 with room to spare; lanes must melt into the job"
 )]
 
-use super::bounds::{Bounds, Extent};
+use super::bounds::{Deciding, Extent};
 use super::node::{Node, Points, Square};
-use super::placed::{Kind, Placed};
+use super::placed::{Kind, MAX_FLAT, Placed};
 use crate::lanes::Lanes;
 use glam::DVec3;
 
@@ -76,22 +76,25 @@ impl<'a> Since<'a> {
         self.last.enter(node, self.last.apex_to(first) + half);
     }
 
+    /// Farthest that a point of the tool moved, units.
+    pub(super) fn moved(&self) -> f32 {
+        self.moved
+    }
+
     /// Of the boxes in `todo` about the points `p` of this pose's node and the last one's, those where
-    /// the tool may have come nearer.
+    /// the tool may have come nearer. `deciding` has where a face can decide at this pose or the last.
     #[inline(always)]
     pub(super) fn nearer<L: Lanes>(
         &self,
         l: L,
         (now, last): (&Node, &Node),
-        (p, extent, bounds): (&Points<L::F>, &Extent, &Bounds<L::F>),
+        (p, extent, deciding): (&Points<L::F>, &Extent, &Deciding),
         todo: u16,
     ) -> u16 {
         let polar = [now.polar(l, p), last.polar(l, p)];
-        // the last pose's bounds are this one's but for what was moved
-        let room = l.splat(2.0 * self.moved);
         let mut held = todo;
         for n in 0..now.count {
-            let decides = bounds.decides(l, now, n, room) & held;
+            let decides = deciding[n % MAX_FLAT] & held;
             if decides == 0 {
                 continue;
             }

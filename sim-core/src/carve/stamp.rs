@@ -1,20 +1,22 @@
 //! One pose of the tool taken out of the bone, chunk by chunk.
 //!
 //! A chunk is done in two rounds: first all its bricks are bounded, which gives for each the lines to be
-//! filled and those to be computed; then the lines are written. No line waits for a bound.
+//! filled and those to be computed ([`super::plan`]); then the lines are written ([`super::write`]).
 #![expect(
     clippy::cast_possible_truncation,
     clippy::inline_always,
     reason = "a brick's number is below 64; lanes must melt into the job"
 )]
 
-use super::bounds::{Bounds, Extent, Sides, active};
+use super::batch::Batch;
+use super::bounds::{Bounds, Extent, Sides};
 use super::flats::{Room, Voxels};
 use super::ledger::Ledger;
 use super::node::{Node, Points};
 use super::patterns::{brick_layer, heights, layer, line_middles};
 use super::pencil::{Losses, Pencil};
 use super::placed::Placed;
+use super::plan::{Plan, Plans, Standing};
 use super::sampled::{Box3, Offsets, Sampled};
 use super::since::Since;
 use super::write::Desk;
@@ -40,6 +42,8 @@ pub(super) struct Stamp<'a> {
     pub placed: &'a Placed,
     /// The last stamp, where it says something.
     pub since: Option<Since<'a>>,
+    /// Where it moves slowly, how plans are kept.
+    pub standing: Option<Standing>,
     /// A tool that is sampled on a grid; it has no faces then.
     pub sampled: Option<Sampled<'a>>,
     pub tool: u8,
@@ -81,11 +85,13 @@ impl Job for Chunks<'_, '_> {
             brick: Node::empty(),
             bounds: Bounds::new(l),
             sides: Sides::new(l),
-            tasks: [Task::NONE; BRICKS_PER_CHUNK],
             ledger: Ledger::new(l, self.stamp.tool),
             losses: [l.splat_i(0); LINES_PER_BRICK],
             room: Room::new(l),
+            batch: Batch::new(l),
         };
+        let mut plans = core::mem::replace(&mut self.stamp.cut.plans, Plans::absent());
+        let mut own = Plan::EMPTY;
         let mut next = self.first;
         while next < size[0] * size[1] * size[2] && *self.stamp.budget > 0 {
             let at = [
@@ -99,11 +105,18 @@ impl Job for Chunks<'_, '_> {
                 if let Some(sampled) = self.stamp.sampled {
                     kernel.sample_chunk(self.stamp, &mut scratch, &sampled, (chunk, coord));
                 } else {
-                    kernel.chunk(self.stamp, &mut scratch, chunk, coord);
+                    let first = coord.map(|c| c * CHUNK);
+                    kernel.chunk(
+                        self.stamp,
+                        &mut scratch,
+                        (&mut plans, &mut own),
+                        (chunk, first),
+                    );
                 }
             }
             next += 1;
         }
+        self.stamp.cut.plans = plans;
         scratch.ledger.book(&mut self.stamp.cut.totals);
         // at the end: a budget of one must still get on
         *self.stamp.budget -= STAMP_WORK;
@@ -129,6 +142,8 @@ pub(super) struct Kernel<L: Lanes> {
     pub(super) band: f32,
     /// half the occupancy's
     pub(super) window: i16,
+    /// how far the tool may have moved since the last stamp where plans are kept
+    pub(super) slow: f32,
 }
 
 /// Long arrays that are made once a job.
@@ -138,32 +153,10 @@ pub(super) struct Scratch<L: Lanes> {
     pub(super) brick: Node,
     pub(super) bounds: Bounds<L::F>,
     pub(super) sides: Sides<L::F>,
-    pub(super) tasks: [Task; BRICKS_PER_CHUNK],
     pub(super) ledger: Ledger<L>,
     pub(super) losses: Losses<L>,
     pub(super) room: Room<L::F>,
-}
-
-/// What is to be done in a brick.
-#[derive(Clone, Copy)]
-pub(super) struct Task {
-    pub(super) brick: u8,
-    /// one bit a face that can decide
-    pub(super) faces: u16,
-    /// lines that can hold bone; of them, those to be filled, and those to be computed
-    pub(super) bony: u16,
-    pub(super) full: u16,
-    pub(super) near: u16,
-}
-
-impl Task {
-    const NONE: Self = Self {
-        brick: 0,
-        faces: 0,
-        bony: 0,
-        full: 0,
-        near: 0,
-    };
+    pub(super) batch: Batch<L>,
 }
 
 impl<L: Lanes> Kernel<L> {
@@ -200,52 +193,7 @@ impl<L: Lanes> Kernel<L> {
             line: Extent::new([1.5 * h[0], 1.5 * h[1], 0.5 * h[2]], slack),
             band: placed.band,
             window: Occupancy::new(stamp.bone.grid()).half_window(),
-        }
-    }
-
-    #[inline(always)]
-    fn chunk(
-        &self,
-        stamp: &mut Stamp<'_>,
-        scratch: &mut Scratch<L>,
-        chunk: usize,
-        coord: [usize; 3],
-    ) {
-        let live = stamp.bone.bony_bricks(chunk) & !stamp.cut.emptied(chunk);
-        let placed = stamp.placed;
-        if live == 0 {
-            return;
-        }
-        let first = [coord[0] * CHUNK, coord[1] * CHUNK, coord[2] * CHUNK];
-        let middle = placed.apex_to(first) + self.chunk_middle;
-        if placed.distance(middle) - self.chunk_radius >= f64::from(self.band) {
-            return;
-        }
-        placed.enter(&mut scratch.chunk, middle);
-        if let Some(since) = &stamp.since {
-            since.enter(&mut scratch.last, first, self.chunk_middle);
-        }
-        let mut count = 0;
-        for layer in 0..4 {
-            let here = (live >> (16 * layer)) as u16;
-            if here != 0 {
-                *stamp.budget -= 1;
-                self.bound_bricks(stamp, scratch, (chunk, layer, here), &mut count);
-            }
-        }
-        let mut kept = 0;
-        for n in 0..count {
-            let task = self.bound_lines(scratch, scratch.tasks[n % BRICKS_PER_CHUNK]);
-            *stamp.budget -= 1 + i64::from((task.full | task.near).count_ones());
-            scratch.tasks[kept % BRICKS_PER_CHUNK] = task;
-            kept += usize::from(task.full | task.near != 0);
-        }
-        if kept == 0 {
-            return;
-        }
-        let mut desk = Desk::new(stamp, chunk);
-        for n in 0..kept {
-            self.write(&mut desk, scratch, n);
+            slow: stamp.standing.map_or(0.0, |standing| standing.moved()),
         }
     }
 
@@ -322,81 +270,10 @@ impl<L: Lanes> Kernel<L> {
         work
     }
 
-    /// Lists the bricks of a layer that the tool reaches.
-    #[inline(always)]
-    fn bound_bricks(
-        &self,
-        stamp: &Stamp<'_>,
-        scratch: &mut Scratch<L>,
-        (chunk, layer, here): (usize, usize, u16),
-        count: &mut usize,
-    ) {
-        let l = self.l;
-        let bounds = &mut scratch.bounds;
-        bounds.enter(l, &scratch.chunk, &self.bricks[layer], &self.brick);
-        let full = l.le(bounds.high, l.splat(-self.band));
-        let mut todo = l.le(bounds.low, l.splat(self.band)) & here;
-        if todo == 0 {
-            return;
-        }
-        if let Some(since) = &stamp.since {
-            let nodes = (&scratch.chunk, &scratch.last);
-            let boxes = (&self.bricks[layer], &self.brick, &*bounds);
-            todo = since.nearer(l, nodes, boxes, todo);
-        }
-        let deciding = bounds.deciding(l, &scratch.chunk);
-        let (bony, faces) = (stamp.bone.bony_lines(chunk), stamp.placed.count());
-        while todo != 0 {
-            let lane = todo.trailing_zeros() as usize;
-            todo &= todo - 1;
-            let brick = 16 * layer + lane;
-            let live = bony[brick % 64] & !stamp.cut.emptied_lines(chunk, brick);
-            // inside by more than the band no face matters
-            let full = full >> lane & 1 == 1;
-            scratch.tasks[*count % BRICKS_PER_CHUNK] = Task {
-                brick: brick as u8,
-                faces: if full {
-                    0
-                } else {
-                    active(&deciding, faces, lane)
-                },
-                bony: bony[brick % 64],
-                full: if full { live } else { 0 },
-                near: live,
-            };
-            *count += 1;
-        }
-    }
-
-    /// Sorts a brick's lines.
-    #[inline(always)]
-    fn bound_lines(&self, scratch: &mut Scratch<L>, task: Task) -> Task {
-        if task.faces == 0 {
-            return Task { near: 0, ..task };
-        }
-        let l = self.l;
-        let o = self.offset(task.brick);
-        let sides = &mut scratch.sides;
-        sides.enter(l, (&scratch.chunk, task.faces, o), &self.lines, &self.line);
-        let full = l.le(sides.high, l.splat(-self.band)) & task.near;
-        let near = l.le(sides.low, l.splat(self.band)) & task.near & !full;
-        let faces = if single(task.faces) {
-            task.faces
-        } else {
-            sides.deciding(l, &scratch.chunk, task.faces, near)
-        };
-        Task {
-            faces,
-            full,
-            near,
-            ..task
-        }
-    }
-
     /// First voxel of a brick, from the chunk's middle.
     #[inline(always)]
-    pub(super) fn offset(&self, brick: u8) -> [f32; 3] {
-        let corner = brick_origin(usize::from(brick));
+    pub(super) fn offset(&self, brick: usize) -> [f32; 3] {
+        let corner = brick_origin(brick);
         [
             self.spacing[0] * (corner[0] as f32 - 15.5),
             self.spacing[1] * (corner[1] as f32 - 15.5),
