@@ -30,10 +30,10 @@ const LINES_OF: [[u8; 8]; 256] = {
     let mut all = [[0; 8]; 256];
     let mut mask = 0;
     while mask < 256 {
-        let (mut bit, mut count) = (0, 0);
+        let (mut bit, mut count) = (0u8, 0);
         while bit < 8 {
             if mask >> bit & 1 == 1 {
-                all[mask][count] = bit as u8;
+                all[mask][count] = bit;
                 count += 1;
             }
             bit += 1;

@@ -13,6 +13,7 @@ mod batch;
 mod bounds;
 mod flats;
 mod ledger;
+mod many;
 mod node;
 mod patterns;
 mod pencil;

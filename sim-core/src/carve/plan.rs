@@ -229,18 +229,15 @@ impl<L: Lanes> Kernel<L> {
         let middle = stamp.placed.apex_to(first) + self.chunk_middle;
         let kept = stamp.standing.and_then(|how| Some((how, plans.of(chunk)?)));
         let keeps = kept.is_some();
-        let (plan, stands) = match kept {
-            Some((how, plan)) => {
-                let stands = plan.stands(stamp.placed, how.far);
-                if !stands {
-                    plan.margin = how.margin(chunk);
-                }
-                (plan, stands)
+        let (plan, stands) = if let Some((how, plan)) = kept {
+            let stands = plan.stands(stamp.placed, how.far);
+            if !stands {
+                plan.margin = how.margin(chunk);
             }
-            None => {
-                own.margin = 0.0;
-                (own, false)
-            }
+            (plan, stands)
+        } else {
+            own.margin = 0.0;
+            (own, false)
         };
         if stands && plan.bricks & live == 0 {
             return;

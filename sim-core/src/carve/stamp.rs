@@ -2,16 +2,13 @@
 //!
 //! A chunk is done in two rounds: first all its bricks are bounded, which gives for each the lines to be
 //! filled and those to be computed ([`super::plan`]); then the lines are written ([`super::write`]).
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::inline_always,
-    reason = "a brick's number is below 64; lanes must melt into the job"
-)]
+#![expect(clippy::inline_always, reason = "lanes must melt into the job")]
 
 use super::batch::Batch;
 use super::bounds::{Bounds, Extent, Sides};
-use super::flats::{Room, Voxels};
+use super::flats::Voxels;
 use super::ledger::Ledger;
+use super::many::Room;
 use super::node::{Node, Points};
 use super::patterns::{brick_layer, heights, layer, line_middles};
 use super::pencil::{Losses, Pencil};

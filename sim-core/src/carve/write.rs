@@ -1,9 +1,8 @@
 //! Writing the lines of a brick: which code computes them, and the chunk that they go to.
 #![expect(clippy::inline_always, reason = "lanes must melt into the job")]
 
-use super::flats::{
-    Field, Many, One, OneBall, OneCone, OnePlane, OneWideBall, OneWideCylinder, Two,
-};
+use super::flats::{Field, One, OneBall, OneCone, OnePlane, OneWideBall, OneWideCylinder, Two};
+use super::many::Many;
 use super::pencil::{Ground, Pencil};
 use super::placed::{Kind, MAX_FLAT};
 use super::plan::Plan;
