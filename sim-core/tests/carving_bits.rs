@@ -66,6 +66,14 @@ struct Oracle {
     worst_off_axis: f64,
 }
 
+/// The account of every step against the difference of the first state and the last.
+fn account_is_right(bone: &Bone, cut: &Cut) {
+    let whole = Cut::new(bone);
+    let lost = |c| whole.solid_units(bone, c) - cut.solid_units(bone, c);
+    let lost: i64 = (0..bone.chunk_count()).map(lost).sum();
+    assert_eq!(cut.totals().by_tool[0], lost);
+}
+
 /// Carves poses one after the other with every unit and compares each voxel.
 fn compare(bone: &Bone, tool: &Tool, poses: &[Pose], oracle: &mut Oracle) {
     let cuts: Vec<Cut> = units()
