@@ -250,3 +250,9 @@ pub enum LinkError {
         why: String,
     },
 }
+
+/// Bytes in hexadecimal, for people.
+pub(super) fn hex(bytes: &[u8]) -> String {
+    let pairs: Vec<String> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+    pairs.join(" ")
+}

@@ -2,6 +2,7 @@
 //!
 //! Runs before the servo loop begins, so it may wait; every wait has an end and its own error.
 
+use super::error::hex;
 use super::inbox::Arrivals;
 use super::open::{OpenLink, drive_name};
 use super::{DeviceInfo, LinkError};
@@ -9,7 +10,6 @@ use osteon_protocol::device::{
     DEVICE_SCHEMA, DEVICE_VERSION, DeviceHello, DriveState, HostMessage, StateFrame, fault, switch,
 };
 use osteon_protocol::hfab::LineReader;
-use std::fmt::Write as _;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -251,13 +251,7 @@ impl Seen {
     }
 
     fn hex(&self) -> String {
-        let mut text = String::new();
-        for (n, byte) in self.first[..self.count].iter().enumerate() {
-            let space = if n == 0 { "" } else { " " };
-            // Writing to a string cannot fail.
-            write!(text, "{space}{byte:02x}").unwrap_or_default();
-        }
-        text
+        hex(&self.first[..self.count])
     }
 }
 

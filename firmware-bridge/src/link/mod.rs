@@ -15,12 +15,13 @@
 mod cable;
 mod error;
 mod handshake;
-mod hd;
+pub(crate) mod hd;
 mod hfab;
 mod hid;
 pub(crate) mod inbox;
 mod mailbox;
 mod open;
+mod order;
 mod port;
 mod receiver;
 mod relay;

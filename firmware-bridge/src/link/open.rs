@@ -2,6 +2,7 @@
 
 use super::cable::Cable;
 use super::inbox::Arrivals;
+use super::order::Order;
 use super::port::SerialPort;
 use super::receiver::Receiver;
 use super::relay::{Relay, Source as _};
@@ -30,6 +31,7 @@ pub struct OpenLink {
     relay: Option<Relay>,
     outbox: Outbox,
     dropped_commands: u64,
+    order: Order,
     pub(super) armed: bool,
 }
 
@@ -59,6 +61,7 @@ impl OpenLink {
             relay: None,
             outbox: Outbox::default(),
             dropped_commands: 0,
+            order: Order::default(),
             armed: false,
         };
         link.shake_hands()?;
@@ -150,7 +153,8 @@ impl DeviceLink for OpenLink {
 
     fn send(&mut self, command: &CommandFrame) -> Result<(), LinkError> {
         self.armed = true;
-        if !self.transmit(HostMessage::Command(*command))? {
+        let sent = self.order.admits(command) && self.transmit(HostMessage::Command(*command))?;
+        if !sent {
             self.dropped_commands += 1;
         }
         Ok(())
