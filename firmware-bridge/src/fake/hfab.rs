@@ -168,7 +168,7 @@ pub(super) fn serve(
         if late > MAX_CATCH_UP_NS {
             deadline += late;
         }
-        for planned in &args.fault {
+        for &planned in &args.fault {
             bench.move_plug(planned, tick, link)?;
         }
         bench.device.simulate();
@@ -217,7 +217,7 @@ impl HfabBench {
     }
 
     /// Pulls the plug and puts it back, as planned.
-    fn move_plug(&mut self, planned: &Planned, tick: u64, link: &Path) -> anyhow::Result<()> {
+    fn move_plug(&mut self, planned: Planned, tick: u64, link: &Path) -> anyhow::Result<()> {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,

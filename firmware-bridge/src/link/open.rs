@@ -153,7 +153,7 @@ impl DeviceLink for OpenLink {
 
     fn send(&mut self, command: &CommandFrame) -> Result<(), LinkError> {
         self.armed = true;
-        let sent = self.order.admits(command) && self.transmit(HostMessage::Command(*command))?;
+        let sent = self.order.admits(*command) && self.transmit(HostMessage::Command(*command))?;
         if !sent {
             self.dropped_commands += 1;
         }

@@ -13,7 +13,7 @@ pub(super) struct Order {
 
 impl Order {
     /// Whether `command` may go out. One without torque always may: it is the way out.
-    pub(super) fn admits(&mut self, command: &CommandFrame) -> bool {
+    pub(super) fn admits(&mut self, command: CommandFrame) -> bool {
         let newer = self.newest.is_none_or(|last| is_newer(command.seq, last));
         if newer {
             self.newest = Some(command.seq);

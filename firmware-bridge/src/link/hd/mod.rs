@@ -292,7 +292,7 @@ impl DeviceLink for HdLink {
         let most = self.info.scale.dac_max;
         let force = command.torque.map(|t| t.clamp(-most, most));
         let force = if command.enable { force } else { [0; 3] };
-        if !self.order.admits(command) {
+        if !self.order.admits(*command) {
             self.dropped_commands += 1;
             return Ok(());
         }

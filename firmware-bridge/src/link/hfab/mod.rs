@@ -265,7 +265,7 @@ impl DeviceLink for HfabLink {
         let torque = if command.enable { within } else { [0; 3] };
         self.torque |= torque != [0; 3];
         let command = CommandFrame { torque, ..*command };
-        if !self.order.admits(&command) || !self.may_send() || !self.transmit(command)? {
+        if !self.order.admits(command) || !self.may_send() || !self.transmit(command)? {
             self.dropped_commands += 1;
         }
         Ok(())

@@ -304,7 +304,7 @@ fn refusals_have_their_names() {
         "{hfab_as_open}"
     );
     let mock = rigs::Mock::new();
-    mock.needs_a_hand();
+    rigs::Mock::needs_a_hand();
     let error = refused(&mock);
     assert!(matches!(error, LinkError::Uncalibrated { .. }), "{error}");
     let nothing = crate::link::hid_found();

@@ -323,7 +323,7 @@ impl Mock {
     }
 
     /// Calibration waits for somebody who puts the stylus into its inkwell.
-    pub(super) fn needs_a_hand(&self) {
+    pub(super) fn needs_a_hand() {
         mock::set(INKWELL, 0.0);
         mock::set(CALIBRATION, f64::from(0x5002));
     }
