@@ -126,6 +126,10 @@ impl DeviceLink for OpenLink {
         self.home_and_arm()
     }
 
+    fn look(&mut self) -> Result<String, LinkError> {
+        self.look_at_drive()
+    }
+
     /// Reading an empty terminal line can wait for the kernel's own worker, which runs at ordinary
     /// priority; the servo thread must not.
     fn start(&mut self) -> Result<(), LinkError> {

@@ -87,6 +87,18 @@ fn load(named: Option<&str>, name: &Arc<str>) -> Result<&'static Hd, LinkError> 
     })
 }
 
+/// Whether the vendor's library can be loaded, and under which name; no device is started.
+pub fn vendor_library() -> Result<String, String> {
+    let library = std::env::var(LIBRARY_VARIABLE).ok();
+    let loaded = load(library.as_deref(), &"openhaptics".into());
+    loaded
+        .map(|_| library.unwrap_or_else(|| NAMES[0].to_owned()))
+        .map_err(|error| match error {
+            LinkError::NoLibrary { why, .. } => why,
+            other => other.to_string(),
+        })
+}
+
 /// An error of the library in our words.
 fn refusal(hd: &Hd, name: &Arc<str>, call: &'static str, error: ErrorInfo) -> LinkError {
     let remedy = match error.code {
