@@ -1,7 +1,7 @@
 //! `osteon`: one program, one sub-command for each process and report.
 
 use clap::{Parser, Subcommand};
-use osteon_firmware_bridge::{bench, devices, doctor, fake, haptics, import, launcher};
+use osteon_firmware_bridge::{bench, devices, doctor, fake, haptics, import, launcher, selftest};
 use osteon_tests::report;
 use std::process::ExitCode;
 
@@ -37,6 +37,8 @@ enum Task {
     Devices(devices::DevicesArgs),
     /// Say what this machine can do: real-time rights, ports, display, graphics
     Doctor(doctor::DoctorArgs),
+    /// Commission a device step by step: encoders, buttons, workspace, force, emergency stop; writes a record
+    Selftest(selftest::SelftestArgs),
     /// Measure, and write a document with its tables and plots
     #[command(subcommand)]
     Report(report::Report),
@@ -61,6 +63,7 @@ fn main() -> ExitCode {
         Task::Import(args) => import::run(&args),
         Task::Devices(args) => devices::run(&args),
         Task::Doctor(args) => doctor::run(&args, screen),
+        Task::Selftest(args) => selftest::run(&args),
         Task::Report(report) => report::run(&report),
     };
     match result {

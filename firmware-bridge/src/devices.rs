@@ -103,11 +103,24 @@ fn everything() -> Vec<Candidate> {
     for found in serialport::available_ports().unwrap_or_default() {
         if seen.insert(found.port_name.clone()) {
             let (name, usb) = about(&found.port_type);
-            all.push(port(&found.port_name, name, usb));
+            let mut one = port(&found.port_name, name, usb);
+            if is_console(&found.port_name) {
+                one.tries.clear();
+                "the kernel's console: not asked".clone_into(&mut one.listed.name);
+            }
+            all.push(one);
         }
     }
     all.extend(link::hid_found().iter().map(report));
     all
+}
+
+/// Whether the kernel writes its messages to this port.
+fn is_console(port: &str) -> bool {
+    let active = std::fs::read_to_string("/sys/class/tty/console/active").unwrap_or_default();
+    active
+        .split_whitespace()
+        .any(|name| port.strip_prefix("/dev/") == Some(name))
 }
 
 fn about(kind: &SerialPortType) -> (String, Option<(u16, u16)>) {

@@ -77,7 +77,7 @@ pub fn run(args: &DoctorArgs, screen: impl FnOnce() -> Screen) -> anyhow::Result
     findings.push(governor());
     findings.extend(ports());
     findings.extend(reports());
-    findings.extend(udev());
+    findings.push(udev());
     findings.push(library());
     findings.push(sockets());
     for f in &findings {
@@ -267,44 +267,42 @@ fn reports() -> Vec<Finding> {
 }
 
 /// Whether the rules are installed, and as this release has them.
-fn udev() -> Option<Finding> {
+fn udev() -> Finding {
+    let subject = "udev rules";
     let installed = RULE_FOLDERS
         .iter()
         .map(|folder| Path::new(folder).join("70-osteon.rules"))
         .find(|path| path.exists());
     let Some(path) = installed else {
-        return Some(Finding::short("udev rules", "not installed", RULES_REMEDY));
+        return Finding::short(subject, "not installed", RULES_REMEDY);
     };
     let known = read_to_string(&path).unwrap_or_default();
-    let missing = rules()
-        .lines()
-        .any(|line| !known.lines().any(|l| l == line));
-    Some(if missing {
-        let detail = format!(
-            "{}: not those of this release and these devices",
-            path.display()
-        );
-        Finding::short("udev rules", detail, RULES_REMEDY)
+    let is_known = |line: &str| known.lines().any(|l| l == line);
+    let name = path.display();
+    if rules().lines().all(is_known) {
+        Finding::good(subject, name.to_string())
     } else {
-        Finding::good("udev rules", path.display().to_string())
-    })
+        let detail = format!("{name}: not those of this release and these devices");
+        Finding::short(subject, detail, RULES_REMEDY)
+    }
 }
 
 /// The rules with a line for each HID device that is plugged in and not covered by them.
 fn rules() -> String {
-    let mut text = RULES.to_owned();
+    let mut text = RULES.trim_end().to_owned();
     for device in hid_found().iter().filter(|d| d.usage_page >= MAKERS_PAGE) {
         let (vendor, product) = device.ids;
         let vendor = format!("ATTRS{{idVendor}}==\"{vendor:04x}\"");
         if !text.contains(&vendor) {
-            text += &format!(
-                "\n# {}\nSUBSYSTEM==\"hidraw\", {vendor}, ATTRS{{idProduct}}==\"{product:04x}\", MODE=\"0660\", \
-                 TAG+=\"uaccess\"\n",
-                device.name.replace(char::is_control, " ")
+            let name = device.name.replace(char::is_control, " ");
+            let rule = format!(
+                "SUBSYSTEM==\"hidraw\", {vendor}, ATTRS{{idProduct}}==\"{product:04x}\", MODE=\"0660\", \
+                 TAG+=\"uaccess\""
             );
+            text = [text.as_str(), "", &format!("# {name}"), &rule].join("\n");
         }
     }
-    text.trim_end().to_owned()
+    text
 }
 
 fn library() -> Finding {
@@ -349,7 +347,7 @@ mod tests {
         all.extend(realtime_findings());
         all.extend(ports());
         all.extend(reports());
-        all.extend(udev());
+        all.push(udev());
         all.extend([kernel(), throttle(), governor(), library(), sockets()]);
         for finding in &all {
             assert_eq!(finding.good, finding.remedy.is_none(), "{finding:?}");

@@ -23,5 +23,6 @@ pub mod passage;
 pub mod progress;
 pub mod rt;
 pub mod scene;
+pub mod selftest;
 pub mod stop;
 pub mod tools;

@@ -37,7 +37,8 @@ const LAST_TICKS: u32 = 50;
 #[derive(Debug, Clone, clap::Args)]
 pub struct FakeArgs {
     /// Symbolic link to the serial port that a host opens [default: fake-omni in the user's runtime
-    /// directory]; packet:PATH serves the same frames as 64-byte reports on a socket; hfab2:PATH and
+    /// directory]; packet:PATH serves the same frames as 64-byte reports on a socket; tty:PATH and hidg:PATH serve
+    /// a USB gadget of this kernel, serial or HID; hfab2:PATH and
     /// hfab3:PATH speak the text protocol of a vintage Phantom and of `WoodenHaptics`
     #[arg(long, value_name = "PATH")]
     pub link: Option<PathBuf>,

@@ -39,7 +39,7 @@ pub(super) fn master(wanted: Option<Clock>, link: &dyn DeviceLink) -> anyhow::Re
             }
             Ok(Master::Device)
         }
-        (Some(Clock::Host), _) | (None, _) => Ok(Master::Host),
+        (Some(Clock::Host) | None, _) => Ok(Master::Host),
     }
 }
 

@@ -171,7 +171,7 @@ fn with_listener(
     };
     let resync = Resync::new(&scene.bone, tools.to_vec());
     let master = reconnect::master(args.clock, link.as_ref())?;
-    let mut comings = Comings::new(args, spec, link.as_ref());
+    let comings = Comings::new(args, spec, link.as_ref());
     link.prepare()?;
     link.start()?;
     let thread = ServoThread {
@@ -182,39 +182,49 @@ fn with_listener(
         requests: request_out,
         panic_at_tick: args.panic_at_tick,
     };
-    let mut running = start(thread, (master, 0), !args.no_realtime)?;
+    let running = start(thread, (master, 0), !args.no_realtime)?;
     running.refused.iter().for_each(|line| warn(line));
     say(&format!(
         "haptics: {} on {link_name}, 1 kHz; {} chunks of bone",
         scene.source,
         scene.bone.chunk_count()
     ));
+    let outcome = go_on(args, stop, &mut publisher, (running, master, comings))?;
+    finish(args, session, publisher, &outcome)
+}
+
+/// Until somebody wants the end, or the device has gone for good.
+fn go_on(
+    args: &HapticsArgs,
+    stop: &AtomicBool,
+    publisher: &mut Publisher,
+    (mut running, master, mut comings): (Running, Master, Comings),
+) -> anyhow::Result<Outcome> {
     let (began, refused) = (running.began, running.refused.clone());
     let over = || {
         let long = |s| began.elapsed().as_secs_f64() >= s;
         stop.load(Ordering::Relaxed) || args.seconds.is_some_and(long)
     };
     let (finished, asked) = loop {
-        let asked = serve_until_end(&over, &mut publisher, &running);
+        let asked = serve_until_end(&over, publisher, &running);
         let finished = running.end()?;
         if asked {
             break (finished, true);
         }
-        match comings.wait(finished, &mut publisher, &over)? {
+        match comings.wait(finished, publisher, &over)? {
             Left::Over(finished, asked) => break (*finished, asked),
             Left::Back(thread, tick) => {
                 running = start(*thread, (master, tick), !args.no_realtime)?;
             }
         }
     };
-    let outcome = Outcome {
+    Ok(Outcome {
         finished,
         asked,
         seconds: began.elapsed().as_secs_f64(),
         refused,
         comings,
-    };
-    finish(args, session, publisher, outcome)
+    })
 }
 
 fn pose_log(args: &HapticsArgs) -> anyhow::Result<Option<Box<dyn Write + Send>>> {
@@ -322,12 +332,12 @@ fn finish(
     args: &HapticsArgs,
     session: &Session<'_>,
     mut publisher: Publisher,
-    outcome: Outcome,
+    outcome: &Outcome,
 ) -> anyhow::Result<()> {
     let &Session { tools, scene, feel } = session;
     let Outcome {
         finished, comings, ..
-    } = &outcome;
+    } = outcome;
     let servo = &finished.thread.servo;
     while !publisher.records.is_empty() {
         publisher.drain();

@@ -185,7 +185,7 @@ impl Arming {
         loop {
             let next = match (self.stage, state.drive) {
                 (Stage::Stream, _) => Stage::Boot,
-                (Stage::Boot | Stage::Disarm, Homed) | (Stage::Home, Homed) => Stage::Arm,
+                (Stage::Boot | Stage::Disarm | Stage::Home, Homed) => Stage::Arm,
                 (Stage::Boot | Stage::Disarm, Unhomed) => {
                     if state.switches & switch::DOCKED == 0 {
                         return Err(LinkError::NotDocked {
