@@ -1,7 +1,7 @@
 //! `osteon`: one program, one sub-command for each process and report.
 
 use clap::{Parser, Subcommand};
-use osteon_firmware_bridge::{bench, doctor, fake, haptics, import, launcher};
+use osteon_firmware_bridge::{bench, devices, doctor, fake, haptics, import, launcher, selftest};
 use osteon_tests::report;
 use std::process::ExitCode;
 
@@ -33,8 +33,12 @@ enum Task {
     Bench(bench::BenchArgs),
     /// Make a scene of a lab's own data: a folder of DICOM slices
     Import(import::ImportArgs),
+    /// List what is plugged in, which protocol answers, and what keeps it from a session
+    Devices(devices::DevicesArgs),
     /// Say what this machine can do: real-time rights, ports, display, graphics
     Doctor(doctor::DoctorArgs),
+    /// Commission a device step by step: encoders, buttons, workspace, force, emergency stop; writes a record
+    Selftest(selftest::SelftestArgs),
     /// Measure, and write a document with its tables and plots
     #[command(subcommand)]
     Report(report::Report),
@@ -57,7 +61,9 @@ fn main() -> ExitCode {
         Task::FakeOmni(args) => fake::run(&args),
         Task::Bench(args) => bench::run(&args),
         Task::Import(args) => import::run(&args),
+        Task::Devices(args) => devices::run(&args),
         Task::Doctor(args) => doctor::run(&args, screen),
+        Task::Selftest(args) => selftest::run(&args),
         Task::Report(report) => report::run(&report),
     };
     match result {

@@ -134,7 +134,7 @@ fn a_device_that_goes_away_ends_the_session_with_a_reason() {
     let _turn = one_at_a_time();
     let dir = tempfile::tempdir().expect("a folder");
     let device = fake(OSTEON, dir.path(), None);
-    let mut haptics = haptics(OSTEON, dir.path(), &[]);
+    let mut haptics = haptics(OSTEON, dir.path(), &["--reconnect-for", "0"]);
     device.signal(Signal::KILL);
     let status = haptics.wait(Duration::from_secs(15));
     let errors = text(dir.path(), "haptics.err");
@@ -195,7 +195,7 @@ fn a_pulled_plug_ends_the_session_with_its_name() {
     let dir = tempfile::tempdir().expect("a folder");
     let stroke = stroke::press(dir.path());
     let mut device = fake_with(OSTEON, dir.path(), Some(&stroke), &["--fault", "unplug@7"]);
-    let mut haptics = haptics(OSTEON, dir.path(), &[]);
+    let mut haptics = haptics(OSTEON, dir.path(), &["--reconnect-for", "0"]);
     let status = haptics.wait(Duration::from_secs(40));
     let errors = text(dir.path(), "haptics.err");
     assert_eq!(status.code(), Some(1), "{errors}");

@@ -3,7 +3,7 @@
 //! * [`link`]: devices on a cable; [`fake`]: a simulated one as a process of its own.
 //! * [`import`]: a lab's data into a scene; [`scene`]: a bone from a scene, a CT or the built-in phantom; [`tools`]: tools from a file.
 //! * [`haptics`]: the servo thread, its publisher, its sessions; [`rt`]: what it asks of the system.
-//! * [`mod@bench`]: device, cable and host in lockstep; [`launcher`]: the demonstration; [`doctor`]: what this machine can do; [`stop`]: how a process is asked to
+//! * [`mod@bench`]: device, cable and host in lockstep; [`launcher`]: the demonstration; [`doctor`]: what this machine can do; [`devices`]: what is plugged in; [`stop`]: how a process is asked to
 //!   end.
 //!
 //! **Invariants.** No graphics crate and no async runtime in this crate's tree. The servo thread
@@ -11,6 +11,7 @@
 //! reaches it but accepted requests.
 
 pub mod bench;
+pub mod devices;
 pub mod doctor;
 pub mod fake;
 pub mod feel;
@@ -22,5 +23,6 @@ pub mod passage;
 pub mod progress;
 pub mod rt;
 pub mod scene;
+pub mod selftest;
 pub mod stop;
 pub mod tools;

@@ -23,11 +23,13 @@ const FIFO_REMEDY: &str = "add '@realtime - rtprio 95' to /etc/security/limits.d
      join that group and log in again";
 const CORE_REMEDY: &str = "start the program with at least two cores (taskset, cgroup cpuset)";
 const LATENCY_REMEDY: &str =
-    "give the user write access to /dev/cpu_dma_latency (udev rule, group realtime)";
+    "install the udev rules ('osteon doctor --udev-rules') and join the group realtime";
 
 /// One thing asked of the system.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Right {
+    /// What kind of right it is: a word or two.
+    pub subject: &'static str,
     /// What was asked for, for people.
     pub name: String,
     /// Why it was refused; `None` = granted.
@@ -37,8 +39,13 @@ pub struct Right {
 }
 
 impl Right {
-    fn new(name: String, outcome: Result<(), String>, remedy: &'static str) -> Self {
+    fn new(
+        (subject, name): (&'static str, String),
+        outcome: Result<(), String>,
+        remedy: &'static str,
+    ) -> Self {
         Self {
+            subject,
             name,
             refused: outcome.err(),
             remedy,
@@ -116,7 +123,7 @@ impl fmt::Display for RtReport {
 /// Keeps all memory of the process, present and future, out of swap and faulted in.
 pub fn lock_memory() -> Right {
     let name = "locked memory".to_owned();
-    Right::new(name, try_lock_memory(), MEMORY_REMEDY)
+    Right::new(("locked memory", name), try_lock_memory(), MEMORY_REMEDY)
 }
 
 fn try_lock_memory() -> Result<(), String> {
@@ -134,7 +141,7 @@ fn try_lock_memory() -> Result<(), String> {
 /// Puts the calling thread under `SCHED_FIFO` at `priority` in 1..=99.
 pub fn set_fifo(priority: u8) -> Right {
     let name = format!("SCHED_FIFO priority {priority}");
-    Right::new(name, try_set_fifo(priority), FIFO_REMEDY)
+    Right::new(("scheduler", name), try_set_fifo(priority), FIFO_REMEDY)
 }
 
 fn try_set_fifo(priority: u8) -> Result<(), String> {
@@ -170,7 +177,7 @@ pub fn pin(core: Option<usize>) -> Right {
             rustix::thread::sched_setaffinity(None, &set).map_err(|e| e.to_string())
         }
     };
-    Right::new(name, outcome, CORE_REMEDY)
+    Right::new(("own core", name), outcome, CORE_REMEDY)
 }
 
 fn hold_wake_latency() -> (Right, Option<File>) {
@@ -183,7 +190,8 @@ fn hold_wake_latency() -> (Right, Option<File>) {
         Err(error) => (Err(error.to_string()), None),
     };
     let name = "shallow idle states (/dev/cpu_dma_latency)".to_owned();
-    (Right::new(name, outcome, LATENCY_REMEDY), file)
+    let right = Right::new(("wake-up latency", name), outcome, LATENCY_REMEDY);
+    (right, file)
 }
 
 /// `CLOCK_MONOTONIC`, ns.
@@ -300,8 +308,8 @@ mod tests {
     fn a_refusal_names_its_reason_and_its_remedy() {
         let report = RtReport {
             rights: vec![
-                Right::new("one".into(), Ok(()), ""),
-                Right::new("two".into(), Err("no".into()), "do this"),
+                Right::new(("a", "one".into()), Ok(()), ""),
+                Right::new(("b", "two".into()), Err("no".into()), "do this"),
             ],
             _latency: None,
         };

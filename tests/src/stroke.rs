@@ -31,6 +31,20 @@ pub fn press(dir: &Path) -> PathBuf {
     )
 }
 
+/// Writes a stroke that presses the standing drill onto the phantom's glenoid for 0.6 s and takes it away for
+/// 0.4 s, `times` times.
+pub fn tap(dir: &Path, times: u32) -> PathBuf {
+    let mut segments = vec![
+        segment("leave the dock", [0.0, -20.0, 60.0], 200.0, 3.0),
+        segment("before the joint", [0.0, 0.0, 15.0], 150.0, 3.0),
+    ];
+    for _ in 0..times {
+        segments.push(segment("press", [0.0, 0.0, -6.0], 60.0, 0.6));
+        segments.push(segment("away", [0.0, 0.0, 12.0], 120.0, 0.4));
+    }
+    write(dir, &segments)
+}
+
 /// Writes a stroke that switches the spindle on and pecks at the phantom's glenoid again and again
 /// for two minutes: out of the bone, into it, out of it.
 pub fn peck(dir: &Path) -> PathBuf {

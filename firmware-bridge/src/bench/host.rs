@@ -3,12 +3,11 @@
 use crate::haptics::record::Record;
 use crate::haptics::resync::Resync;
 use crate::haptics::servo_loop::{Beat, Ending, ServoThread, Timing, one_beat};
+use crate::link::handshake::{Arming, Greeting, Step};
 use crate::link::inbox::{Arrivals, Inbox};
 use crate::link::{DeviceInfo, DeviceLink, LinkError, LinkStats};
 use crate::scene::Scene;
-use osteon_protocol::device::{
-    CommandFrame, DEVICE_SCHEMA, DEVICE_VERSION, DriveState, HostMessage, StateFrame, switch,
-};
+use osteon_protocol::device::{CommandFrame, HostMessage, StateFrame};
 use osteon_protocol::firmware::DriveConfig;
 use osteon_protocol::frame::{MAX_FRAME, encode};
 use osteon_sim_core::servo::{Request, Servo};
@@ -16,10 +15,6 @@ use osteon_sim_core::tool::Tool;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A request without an answer is repeated so often, ns.
-const REPEAT_NS: u64 = 100_000_000;
-/// Longest start, ns.
-const START_NS: u64 = 4_000_000_000;
 const RING: usize = 4096;
 
 /// The host's end of the cable.
@@ -38,7 +33,7 @@ impl End {
             .extend_from_slice(encode(&message, &mut out).unwrap_or(&[]));
     }
 
-    fn arrivals(&mut self) -> Result<Arrivals, LinkError> {
+    fn arrivals(&mut self) -> Result<(Arrivals, Vec<u8>), LinkError> {
         if self.unplugged {
             return Err(LinkError::Gone {
                 link: name(),
@@ -50,7 +45,7 @@ impl End {
         if self.inbox.restarted() {
             return Err(LinkError::Restarted { link: name() });
         }
-        Ok(arrivals)
+        Ok((arrivals, bytes))
     }
 }
 
@@ -82,7 +77,7 @@ impl DeviceLink for LockstepLink {
         &self.info
     }
     fn poll(&mut self) -> Result<Option<StateFrame>, LinkError> {
-        Ok(self.end.lock().arrivals()?.state)
+        Ok(self.end.lock().arrivals()?.0.state)
     }
     fn send(&mut self, command: &CommandFrame) -> Result<(), LinkError> {
         self.end.lock().tell(HostMessage::Command(*command));
@@ -99,66 +94,38 @@ impl DeviceLink for LockstepLink {
     }
 }
 
-/// The start: hello, home, arm.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Start {
-    greeted: bool,
-    began: Option<u64>,
-    asked: Option<u64>,
+/// The start: hello, home, arm; the steps are the product's.
+#[derive(Debug)]
+pub(super) enum Start {
+    Greeting(Greeting),
+    Arming(Arming),
+}
+
+impl Default for Start {
+    fn default() -> Self {
+        Self::Greeting(Greeting::new(name()))
+    }
 }
 
 impl Start {
     /// One look at the cable; true when the drive is armed.
     pub(super) fn step(&mut self, now: u64, end: &mut End) -> Result<bool, LinkError> {
-        let link = name();
-        let began = *self.began.get_or_insert(now);
-        let got = end.arrivals()?;
-        if let Some(hello) = got.hello {
-            let (device, host) = (hello.version, DEVICE_VERSION);
-            if device != host {
-                return Err(LinkError::Version { link, device, host });
-            }
-            if hello.schema != DEVICE_SCHEMA {
-                return Err(LinkError::Schema {
-                    link,
-                    device: hello.schema,
-                    host: DEVICE_SCHEMA,
-                });
-            }
-            if !self.greeted {
-                (self.greeted, self.asked) = (true, None);
-            }
-        }
-        if let Some(nonce) = got.nonce {
-            end.tell(HostMessage::ArmConfirm { nonce });
-        }
-        let drive = got.state.map(|s| s.drive);
-        if self.greeted && drive == Some(DriveState::Armed) {
-            return Ok(true);
-        }
-        if now.saturating_sub(began) > START_NS {
-            return Err(LinkError::Silent { link, seconds: 4 });
-        }
-        if self.asked.is_some_and(|at| now - at < REPEAT_NS) {
-            return Ok(false);
-        }
-        let docked = got.state.is_some_and(|s| s.switches & switch::DOCKED != 0);
-        let message = match (self.greeted, drive) {
-            (false, _) => HostMessage::HelloRequest {
-                version: DEVICE_VERSION,
-                schema: DEVICE_SCHEMA,
+        let (got, bytes) = end.arrivals()?;
+        let step = match self {
+            Self::Greeting(greeting) => match greeting.step(now, &got, &bytes)? {
+                Step::Done(_) => {
+                    *self = Self::Arming(Arming::new(name()));
+                    Step::Wait
+                }
+                Step::Tell(message) => Step::Tell(message),
+                Step::Wait => Step::Wait,
             },
-            (true, Some(DriveState::Unhomed)) if !docked => {
-                return Err(LinkError::NotDocked { link });
-            }
-            (true, Some(DriveState::Unhomed)) => HostMessage::Home,
-            (true, Some(DriveState::Homed)) => HostMessage::Arm,
-            (true, Some(DriveState::Fault)) => HostMessage::Disarm,
-            _ => return Ok(false),
+            Self::Arming(arming) => arming.step(now, &got)?,
         };
-        end.tell(message);
-        self.asked = Some(now);
-        Ok(false)
+        if let Step::Tell(message) = step {
+            end.tell(message);
+        }
+        Ok(step == Step::Done(()))
     }
 }
 

@@ -3,10 +3,12 @@
 use super::port::Port;
 use anyhow::Context as _;
 use osteon_protocol::frame::{REPORT_BYTES, report};
+use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 use rustix::net::{
     AddressFamily, SocketAddrUnix, SocketFlags, SocketType, accept_with, bind, listen, socket_with,
 };
+use rustix::termios::OptionalActions;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 
@@ -17,14 +19,20 @@ pub enum Cable {
     Pty(Port),
     /// Reports of 64 bytes.
     Packets(Packets),
+    /// A kernel device that is there already: the other end of a USB gadget.
+    Gadget(Gadget),
 }
 
 impl Cable {
-    /// A pty behind the symbolic link `link`, or for `packet:PATH` a socket.
+    /// A pty behind the symbolic link `link`; for `packet:PATH` a socket, for `tty:PATH` and `hidg:PATH` the
+    /// kernel's own device of a USB gadget.
     pub fn open(link: &Path) -> anyhow::Result<Self> {
-        match link.to_str().and_then(|l| l.strip_prefix("packet:")) {
-            Some(path) => Packets::listen(path.into()).map(Self::Packets),
-            None => Port::open(link).map(Self::Pty),
+        let kind = link.to_str().and_then(|l| l.split_once(':'));
+        match kind {
+            Some(("packet", path)) => Packets::listen(path.into()).map(Self::Packets),
+            Some(("tty", path)) => Gadget::open(path, false).map(Self::Gadget),
+            Some(("hidg", path)) => Gadget::open(path, true).map(Self::Gadget),
+            _ => Port::open(link).map(Self::Pty),
         }
     }
 
@@ -41,6 +49,7 @@ impl Cable {
         match self {
             Self::Pty(port) => port.read(buffer),
             Self::Packets(packets) => packets.read(buffer),
+            Self::Gadget(gadget) => gadget.read(buffer),
         }
     }
 
@@ -49,6 +58,7 @@ impl Cable {
         match self {
             Self::Pty(port) => port.write_frame(frame),
             Self::Packets(packets) => packets.write_frame(frame),
+            Self::Gadget(gadget) => gadget.write_frame(frame),
         }
     }
 
@@ -57,6 +67,57 @@ impl Cable {
         if let Self::Pty(port) = self {
             port.release_claim();
         }
+    }
+}
+
+/// The device's end of a USB gadget of this kernel, serial or HID.
+#[derive(Debug)]
+pub struct Gadget {
+    file: OwnedFd,
+    reports: bool,
+    // rest of a frame that a serial one took in part; reports go whole
+    rest: Vec<u8>,
+}
+
+impl Gadget {
+    fn open(path: &str, reports: bool) -> anyhow::Result<Self> {
+        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        let file = rustix::fs::open(path, flags, Mode::empty())
+            .with_context(|| format!("gadget {path}: cannot be opened; is the gadget bound?"))?;
+        if !reports {
+            let mut settings = rustix::termios::tcgetattr(&file)
+                .with_context(|| format!("gadget {path}: not a serial one; give hidg:{path}"))?;
+            settings.make_raw();
+            rustix::termios::tcsetattr(&file, OptionalActions::Now, &settings)?;
+        }
+        Ok(Self {
+            file,
+            reports,
+            rest: Vec::new(),
+        })
+    }
+
+    fn read(&self, buffer: &mut [u8]) -> usize {
+        rustix::io::read(&self.file, buffer).unwrap_or(0)
+    }
+
+    fn write_frame(&mut self, frame: &[u8]) -> bool {
+        if self.reports {
+            return report(frame)
+                .is_some_and(|report| rustix::io::write(&self.file, &report).is_ok());
+        }
+        if !self.rest.is_empty() {
+            let sent = rustix::io::write(&self.file, &self.rest).unwrap_or(0);
+            self.rest.drain(..sent);
+        }
+        if !self.rest.is_empty() {
+            return false;
+        }
+        let sent = rustix::io::write(&self.file, frame).unwrap_or(0);
+        if sent > 0 {
+            self.rest.extend_from_slice(&frame[sent..]);
+        }
+        sent > 0
     }
 }
 

@@ -6,18 +6,19 @@
 //! scales apart, no more.
 
 use super::device::Truth;
+use super::faults::{Fault, Planned};
 use super::port::Port;
 use super::run::{FakeArgs, MAX_CATCH_UP_NS, PERIOD_NS};
 use super::truth::TruthLog;
 use crate::rt;
-use anyhow::Context as _;
+use anyhow::{Context as _, ensure};
 use glam::DVec3;
 use osteon_protocol::device::DriveState;
 use osteon_protocol::hfab::{
     HfabError, HfabState, LineReader, MAX_LINE, MAX_MILLIAMPS, WATCHDOG_MS, error, write_line,
 };
 use osteon_sim_core::arm::{Arm, Phantom, VINTAGE, WOODEN};
-use std::io::Write as _;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -127,37 +128,38 @@ impl HfabDevice {
     }
 }
 
-/// Serves a host until a signal, or for `--seconds`.
-pub fn run(model: i32, link: &Path, args: &FakeArgs, stop: &AtomicBool) -> anyhow::Result<()> {
-    let mut device = HfabDevice::new(model).context("fake-omni: no such model")?;
-    let mut port = Port::open(link)?;
+/// Serves a host until `stop`, or for `--seconds`; what happened, in a line.
+pub(super) fn serve(
+    model: i32,
+    link: &Path,
+    args: &FakeArgs,
+    (stop, out): (&AtomicBool, &mut dyn Write),
+) -> anyhow::Result<String> {
+    let known = args.fault.iter().all(|p| p.fault == Fault::Unplug);
+    ensure!(
+        known,
+        "fake-omni: of an hfab device only 'unplug' is simulated"
+    );
+    let mut bench = HfabBench {
+        device: HfabDevice::new(model).context("fake-omni: no such model")?,
+        port: Some(Port::open(link)?),
+        answered: 0,
+        refused: 0,
+    };
     let mut truth = args.truth.as_deref().map(TruthLog::create).transpose()?;
-    let mut out = std::io::stdout();
     writeln!(
         out,
         "fake-omni: hfab model {model} ready at {}",
         link.display()
     )?;
     out.flush()?;
-    let (mut lines, mut refused) = (0_u64, 0_u64);
     let mut deadline = rt::now_ns();
     for tick in 0..args.ticks() {
         deadline += PERIOD_NS;
         // the firmware answers at once: bytes are looked for four times in a period
         for part in (0..4).rev() {
             rt::sleep_until(deadline - part * PERIOD_NS / 4);
-            let mut bytes = [0; 1024];
-            let count = port.read(&mut bytes);
-            for &byte in &bytes[..count] {
-                let Some(state) = device.receive(byte) else {
-                    continue;
-                };
-                lines += 1;
-                refused += u64::from(state.error != 0);
-                let mut line = [0; MAX_LINE];
-                // an answer that a host does not read is lost
-                let _taken = port.write_frame(write_line(&state.numbers(), &mut line));
-            }
+            bench.answer();
         }
         if stop.load(Ordering::Relaxed) {
             break;
@@ -166,19 +168,70 @@ pub fn run(model: i32, link: &Path, args: &FakeArgs, stop: &AtomicBool) -> anyho
         if late > MAX_CATCH_UP_NS {
             deadline += late;
         }
-        device.simulate();
-        if device.silent_ms == 5 * WATCHDOG_MS {
+        for &planned in &args.fault {
+            bench.move_plug(planned, tick, link)?;
+        }
+        bench.device.simulate();
+        if bench.device.silent_ms == 5 * WATCHDOG_MS
+            && let Some(port) = &bench.port
+        {
             port.release_claim();
         }
         if let Some(truth) = &mut truth {
-            truth.push(device.truth(tick));
+            truth.push(bench.device.truth(tick));
         }
     }
-    writeln!(
-        std::io::stderr(),
-        "fake-omni: {lines} commands, {refused} refused"
-    )?;
-    truth.map_or(Ok(()), TruthLog::finish)
+    truth.map_or(Ok(()), TruthLog::finish)?;
+    Ok(format!(
+        "{} commands, {} refused",
+        bench.answered, bench.refused
+    ))
+}
+
+/// The device and its cable; no port while the plug is out.
+struct HfabBench {
+    device: HfabDevice,
+    port: Option<Port>,
+    answered: u64,
+    refused: u64,
+}
+
+impl HfabBench {
+    /// Answers the lines that have come.
+    fn answer(&mut self) {
+        let Some(port) = &mut self.port else {
+            return;
+        };
+        let mut bytes = [0; 1024];
+        let count = port.read(&mut bytes);
+        for &byte in &bytes[..count] {
+            let Some(state) = self.device.receive(byte) else {
+                continue;
+            };
+            self.answered += 1;
+            self.refused += u64::from(state.error != 0);
+            let mut line = [0; MAX_LINE];
+            // an answer that a host does not read is lost
+            let _taken = port.write_frame(write_line(&state.numbers(), &mut line));
+        }
+    }
+
+    /// Pulls the plug and puts it back, as planned.
+    fn move_plug(&mut self, planned: Planned, tick: u64, link: &Path) -> anyhow::Result<()> {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a time in 0 to 1e5 s"
+        )]
+        let at = (planned.at_s * 1000.0) as u64;
+        if tick == at {
+            self.port = None;
+        }
+        if tick == at + u64::from(planned.entry().lasts_ms) {
+            self.port = Some(Port::open(link)?);
+        }
+        Ok(())
+    }
 }
 
 impl HfabDevice {

@@ -4,7 +4,7 @@
 //! * [`plant`]: the arm. [`hand`]: who holds it. [`stroke`]: what the hand is to do.
 //! * [`device`]: the three together, in device time. [`faults`]: what goes wrong with them on purpose.
 //! * [`cable`]: a pty ([`port`]) or packets on a socket; [`hfab`]: an arm that speaks text lines instead.
-//!   [`truth`]: the ground truth file. [`mod@run`]: the process.
+//!   [`raw`]: the stock Omni's payload of the same state. [`truth`]: the ground truth file. [`mod@run`]: the process.
 
 pub mod cable;
 pub mod device;
@@ -16,6 +16,7 @@ pub mod plant;
 pub mod port;
 pub mod pots;
 pub mod random;
+pub mod raw;
 pub mod run;
 pub mod stroke;
 pub mod truth;

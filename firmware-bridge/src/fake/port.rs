@@ -1,7 +1,7 @@
 //! The simulated cable: a pseudo-terminal behind a stable name.
 
 use anyhow::{Context as _, ensure};
-use osteon_protocol::frame::MAX_FRAME;
+use osteon_protocol::hfab::MAX_LINE;
 use rustix::fs::{Mode, OFlags};
 use rustix::pty::OpenptFlags;
 use rustix::termios::{OptionalActions, ioctl_tiocnxcl, tcgetattr, tcsetattr};
@@ -18,8 +18,8 @@ pub struct Port {
     slave: OwnedFd,
     slave_path: PathBuf,
     link: PathBuf,
-    // rest of a frame that the cable took in part
-    rest: [u8; MAX_FRAME],
+    // rest of a frame, or of a longer line, that the cable took in part
+    rest: [u8; MAX_LINE],
     rest_len: usize,
 }
 
@@ -34,7 +34,7 @@ impl Port {
             slave,
             slave_path,
             link: link.to_path_buf(),
-            rest: [0; MAX_FRAME],
+            rest: [0; MAX_LINE],
             rest_len: 0,
         })
     }

@@ -12,7 +12,7 @@ use crate::rt;
 use anyhow::Context as _;
 use osteon_protocol::device::HostMessage;
 use osteon_protocol::frame::{FrameReader, MAX_FRAME};
-use std::io::Write as _;
+use std::io::Write;
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -30,11 +30,15 @@ const READ_BYTES: usize = 4096;
 /// A host that says nothing for so many ticks has left.
 const HOST_GONE_TICKS: u32 = 500;
 
+/// A device in this process outlives its host by so many ticks.
+const LAST_TICKS: u32 = 50;
+
 /// Options of the simulated device.
 #[derive(Debug, Clone, clap::Args)]
 pub struct FakeArgs {
     /// Symbolic link to the serial port that a host opens [default: fake-omni in the user's runtime
-    /// directory]; packet:PATH serves the same frames as 64-byte reports on a socket; hfab2:PATH and
+    /// directory]; packet:PATH serves the same frames as 64-byte reports on a socket; tty:PATH and hidg:PATH serve
+    /// a USB gadget of this kernel, serial or HID; hfab2:PATH and
     /// hfab3:PATH speak the text protocol of a vintage Phantom and of `WoodenHaptics`
     #[arg(long, value_name = "PATH")]
     pub link: Option<PathBuf>,
@@ -127,16 +131,26 @@ pub fn run(args: &FakeArgs) -> anyhow::Result<()> {
         rt::die_with_parent().context("fake-omni: cannot follow the starting process")?;
     }
     let stop = crate::stop::on_signals()?;
-    if let Some((model, link)) = super::hfab::asked_for(&args.link_path()) {
-        ask_rights()?;
-        return super::hfab::run(model, &link, args, &stop);
-    }
     if args.link.is_none() {
         private_dir(&runtime_dir())?;
     }
-    let bench = Bench::new(args)?;
     ask_rights()?;
-    bench.go(args, &stop)
+    let tally = serve(args, &stop, &mut std::io::stdout())?;
+    writeln!(std::io::stderr(), "fake-omni: {tally}")?;
+    Ok(())
+}
+
+/// Serves hosts until `stop` or for `--seconds`; `out` hears when the port is there. What happened, in a
+/// line.
+pub(crate) fn serve(
+    args: &FakeArgs,
+    stop: &AtomicBool,
+    out: &mut dyn Write,
+) -> anyhow::Result<String> {
+    match super::hfab::asked_for(&args.link_path()) {
+        Some((model, link)) => super::hfab::serve(model, &link, args, (stop, out)),
+        None => Bench::new(args)?.go(args, stop, out),
+    }
 }
 
 /// A simulated device as a thread of this process.
@@ -171,6 +185,10 @@ impl InProcess {
                 // refused rights are those that the servo thread is refused, too
                 let _right = rt::set_fifo(PRIORITY);
                 bench.stream(&stop);
+                // what its host said last, and its watchdog, still have their way
+                for _ in 0..LAST_TICKS {
+                    bench.tick();
+                }
                 // a truth file that fails is a test that fails
                 let _written = bench.truth.map_or(Ok(()), TruthLog::finish);
             })?;
@@ -179,7 +197,7 @@ impl InProcess {
 }
 
 /// A refusal is said, and the device runs without.
-pub(super) fn ask_rights() -> anyhow::Result<()> {
+fn ask_rights() -> anyhow::Result<()> {
     let mut warnings = std::io::stderr();
     for right in [rt::lock_memory(), rt::set_fifo(PRIORITY)] {
         if !right.granted() {
@@ -219,8 +237,12 @@ impl Bench {
         })
     }
 
-    fn go(mut self, args: &FakeArgs, stop: &AtomicBool) -> anyhow::Result<()> {
-        let mut out = std::io::stdout();
+    fn go(
+        mut self,
+        args: &FakeArgs,
+        stop: &AtomicBool,
+        out: &mut dyn Write,
+    ) -> anyhow::Result<String> {
         writeln!(out, "fake-omni: ready at {}", args.link_path().display())?;
         out.flush()?;
         self.serve(args, stop)?;
@@ -347,12 +369,11 @@ impl Bench {
         }
     }
 
-    fn finish(self) -> anyhow::Result<()> {
+    fn finish(self) -> anyhow::Result<String> {
         let torque = self.device.plant().torque_nmm();
         let t = self.tally;
-        writeln!(
-            std::io::stderr(),
-            "fake-omni: {} frames ({} dropped), {} commands, {} crc errors, {} trips, \
+        let line = format!(
+            "{} frames ({} dropped), {} commands, {} crc errors, {} trips, \
              {} segments given up, stood still {} ms, last torque [{:.1}, {:.1}, {:.1}] N·mm",
             t.frames,
             t.dropped,
@@ -364,8 +385,9 @@ impl Bench {
             torque.x,
             torque.y,
             torque.z,
-        )?;
-        self.truth.map_or(Ok(()), TruthLog::finish)
+        );
+        self.truth.map_or(Ok(()), TruthLog::finish)?;
+        Ok(line)
     }
 }
 

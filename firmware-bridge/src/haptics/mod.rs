@@ -10,6 +10,7 @@ mod dirty;
 mod loads;
 mod mirror;
 mod publisher;
+mod reconnect;
 pub(crate) mod record;
 pub mod rehearsal;
 mod report;
@@ -59,6 +60,17 @@ pub struct HapticsArgs {
     /// Largest force at the stylus, N
     #[arg(long, value_name = "N", default_value_t = osteon_sim_core::chain::FORCE_LIMIT_N, value_parser = force_limit)]
     pub force_limit: f64,
+    /// Whose clock runs the loop: this machine's (host), or the device's, a tick for each of its states (device)
+    /// [default: host; device with openhaptics]
+    #[arg(long, value_enum)]
+    pub clock: Option<Clock>,
+    /// Ask for no real-time rights: for comparison
+    #[arg(long)]
+    pub no_realtime: bool,
+    /// When the device goes away, wait so many seconds for it to come back; the bone stays as it is. 0: end the
+    /// session
+    #[arg(long, value_name = "S", default_value_t = 600.0, value_parser = seconds)]
+    pub reconnect_for: f64,
     /// Write the session report as JSON
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -71,6 +83,15 @@ pub struct HapticsArgs {
     /// Panic in the servo thread at this tick: proves that the motors stop
     #[arg(long, hide = true, value_name = "TICK")]
     pub panic_at_tick: Option<u64>,
+}
+
+/// Whose clock runs the servo loop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Clock {
+    /// This machine's.
+    Host,
+    /// The device's.
+    Device,
 }
 
 /// The device where none is named: the simulated one, by its default name.
@@ -92,6 +113,14 @@ pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if v > 0.0 && v.is_finite() => Ok(v),
         _ => Err("must be a positive number".to_owned()),
+    }
+}
+
+/// Seconds, 0 included, from the command line.
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if (0.0..=1e6).contains(&v) => Ok(v),
+        _ => Err("must be a number of seconds, 0 or more".to_owned()),
     }
 }
 

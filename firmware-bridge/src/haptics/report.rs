@@ -42,6 +42,8 @@ pub struct DeviceReport {
     pub dropped_commands: u64,
     /// Watchdog trips.
     pub watchdog_trips: u64,
+    /// Times that the device went away and came back.
+    pub reconnects: u64,
 }
 
 /// The viewers.
@@ -159,6 +161,7 @@ pub(crate) struct Facts<'a> {
     pub mirror_digest: CutDigest,
     pub link_name: String,
     pub link: LinkStats,
+    pub reconnects: u64,
     pub viewers: ViewerCounts,
     pub viewer: Option<super::client::ViewerReport>,
     /// Viewers whose last digest is not the servo's.
@@ -241,6 +244,7 @@ impl Facts<'_> {
             stale: self.link.stale,
             dropped_commands: self.link.dropped_commands,
             watchdog_trips: self.stats.trips(),
+            reconnects: self.reconnects,
         }
     }
 

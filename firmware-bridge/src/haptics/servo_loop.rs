@@ -53,11 +53,27 @@ pub(crate) struct ServoThread {
 
 /// What it hands back.
 pub(crate) struct Finished {
-    pub servo: Servo,
-    pub link: Box<dyn DeviceLink>,
-    /// Bricks are still owed to the publisher.
-    pub behind: bool,
+    pub thread: ServoThread,
+    /// The tick that would have been next.
+    pub tick: u64,
     pub ending: Ending,
+}
+
+impl Finished {
+    /// Whether bricks are still owed to the publisher.
+    pub(crate) fn behind(&self) -> bool {
+        // a panic may lie between carving and telling
+        self.thread.resync.is_behind() || !matches!(self.ending, Ending::Stopped)
+    }
+}
+
+/// Whose clock runs the loop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Master {
+    /// This machine's: a deadline each millisecond.
+    Host,
+    /// The device's: a tick for each state.
+    Device,
 }
 
 /// Loop-local state that outlives a tick.
@@ -74,11 +90,17 @@ pub(crate) struct Beat {
     disarmed_run: u32,
 }
 
-/// Runs until `stop`, an error or a panic; then turns the motors off.
-pub(crate) fn run(mut thread: ServoThread, stop: &AtomicBool) -> Finished {
+/// Runs from tick `first` on until `stop`, an error or a panic; then turns the motors off.
+pub(crate) fn run(
+    mut thread: ServoThread,
+    (master, first): (Master, u64),
+    stop: &AtomicBool,
+) -> Finished {
     let mut beat = Beat::new(now_ns());
-    let outcome = catch_unwind(AssertUnwindSafe(|| {
-        beat_until(&mut thread, &mut beat, stop)
+    beat.tick = first;
+    let outcome = catch_unwind(AssertUnwindSafe(|| match master {
+        Master::Host => beat_until(&mut thread, &mut beat, stop),
+        Master::Device => follow_until(&mut thread, &mut beat, stop),
     }));
     let ending = match outcome {
         Ok(ending) => ending,
@@ -88,10 +110,8 @@ pub(crate) fn run(mut thread: ServoThread, stop: &AtomicBool) -> Finished {
     // the mirror has carved the pending step whole
     thread.servo.finish_carving();
     Finished {
-        servo: thread.servo,
-        link: thread.link,
-        // a panic may lie between carving and telling
-        behind: thread.resync.is_behind() || !matches!(ending, Ending::Stopped),
+        thread,
+        tick: beat.tick,
         ending,
     }
 }
@@ -144,6 +164,40 @@ fn beat_until(thread: &mut ServoThread, beat: &mut Beat, stop: &AtomicBool) -> E
             return ending;
         }
         deadline += (skipped + 1) * PERIOD_NS;
+    }
+}
+
+/// The device's clock is the master: a tick when a state has come, or half a period after it should have, as
+/// hold and ramp go by ticks.
+fn follow_until(thread: &mut ServoThread, beat: &mut Beat, stop: &AtomicBool) -> Ending {
+    const HALF: u64 = PERIOD_NS / 2;
+    let mut due = now_ns() + PERIOD_NS;
+    let mut last = 0;
+    loop {
+        // states that come in a burst make one tick in half a period
+        sleep_until(last + HALF);
+        thread.link.wait(due + HALF);
+        if stop.load(Ordering::Relaxed) {
+            return Ending::Stopped;
+        }
+        let started = now_ns();
+        let came = started < due + HALF;
+        let late_ns = started.saturating_sub(if came { due } else { due + HALF });
+        let skipped = late_ns / PERIOD_NS;
+        let timing = Timing {
+            started,
+            late_ns,
+            skipped,
+        };
+        if let Err(ending) = one_beat(thread, beat, &timing, &now_ns) {
+            return ending;
+        }
+        last = started;
+        due = if came {
+            started + PERIOD_NS
+        } else {
+            due + (skipped + 1) * PERIOD_NS
+        };
     }
 }
 

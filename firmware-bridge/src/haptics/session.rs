@@ -7,10 +7,11 @@
 use super::client::ViewerReport;
 use super::mirror::Mirror;
 use super::publisher::{Publisher, ViewerCounts, warn, wire_digest, wire_pose};
+use super::reconnect::{self, Comings, Left};
 use super::record::RING_RECORDS;
 use super::report::{Facts, SessionReport};
 use super::resync::Resync;
-use super::servo_loop::{self, Ending, Finished, ServoThread};
+use super::servo_loop::{self, Ending, Finished, Master, ServoThread};
 use super::stats::Stats;
 use super::{HapticsArgs, default_socket, socket};
 use crate::feel;
@@ -56,6 +57,27 @@ struct Running {
     stop: Arc<AtomicBool>,
     refused: Vec<String>,
     began: Instant,
+}
+
+impl Running {
+    /// Stops it.
+    fn end(self) -> anyhow::Result<Finished> {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.join().map_err(|payload| {
+            let message = servo_loop::panic_message(payload.as_ref());
+            anyhow!("the servo thread died ({message}); the device's watchdog stops the motors")
+        })
+    }
+}
+
+/// How a session ended.
+struct Outcome {
+    finished: Finished,
+    /// Somebody asked for the end, or its time was over.
+    asked: bool,
+    seconds: f64,
+    refused: Vec<String>,
+    comings: Comings,
 }
 
 pub(crate) fn run(args: &HapticsArgs) -> anyhow::Result<()> {
@@ -148,6 +170,8 @@ fn with_listener(
         let_go: false,
     };
     let resync = Resync::new(&scene.bone, tools.to_vec());
+    let master = reconnect::master(args.clock, link.as_ref())?;
+    let comings = Comings::new(args, spec, link.as_ref());
     link.prepare()?;
     link.start()?;
     let thread = ServoThread {
@@ -158,14 +182,49 @@ fn with_listener(
         requests: request_out,
         panic_at_tick: args.panic_at_tick,
     };
-    let running = start(thread)?;
+    let running = start(thread, (master, 0), !args.no_realtime)?;
+    running.refused.iter().for_each(|line| warn(line));
     say(&format!(
         "haptics: {} on {link_name}, 1 kHz; {} chunks of bone",
         scene.source,
         scene.bone.chunk_count()
     ));
-    serve_until_end(args, stop, &mut publisher, &running);
-    finish(args, session, publisher, running)
+    let outcome = go_on(args, stop, &mut publisher, (running, master, comings))?;
+    finish(args, session, publisher, &outcome)
+}
+
+/// Until somebody wants the end, or the device has gone for good.
+fn go_on(
+    args: &HapticsArgs,
+    stop: &AtomicBool,
+    publisher: &mut Publisher,
+    (mut running, master, mut comings): (Running, Master, Comings),
+) -> anyhow::Result<Outcome> {
+    let (began, refused) = (running.began, running.refused.clone());
+    let over = || {
+        let long = |s| began.elapsed().as_secs_f64() >= s;
+        stop.load(Ordering::Relaxed) || args.seconds.is_some_and(long)
+    };
+    let (finished, asked) = loop {
+        let asked = serve_until_end(&over, publisher, &running);
+        let finished = running.end()?;
+        if asked {
+            break (finished, true);
+        }
+        match comings.wait(finished, publisher, &over)? {
+            Left::Over(finished, asked) => break (*finished, asked),
+            Left::Back(thread, tick) => {
+                running = start(*thread, (master, tick), !args.no_realtime)?;
+            }
+        }
+    };
+    Ok(Outcome {
+        finished,
+        asked,
+        seconds: began.elapsed().as_secs_f64(),
+        refused,
+        comings,
+    })
 }
 
 fn pose_log(args: &HapticsArgs) -> anyhow::Result<Option<Box<dyn Write + Send>>> {
@@ -224,30 +283,29 @@ fn wire_scene(session: &Session<'_>, force_limit_n: f64) -> osteon_protocol::ipc
     }
 }
 
-/// Starts the servo thread and waits until it has asked for its rights; refusals are said aloud.
-fn start(thread: ServoThread) -> anyhow::Result<Running> {
+/// Starts the servo thread and waits until it has asked for its rights.
+fn start(thread: ServoThread, pace: (Master, u64), realtime: bool) -> anyhow::Result<Running> {
     let stop = Arc::new(AtomicBool::new(false));
     let (rights_in, rights_out) = sync_channel(1);
     let stop_flag = Arc::clone(&stop);
     let handle = std::thread::Builder::new()
         .name("servo".to_owned())
         .spawn(move || {
-            let report = RtReport::ask(rt::servo_core());
-            let warnings: Vec<String> = report.warnings().collect();
+            let report = realtime.then(|| RtReport::ask(rt::servo_core()));
+            let warnings = report.as_ref().map_or_else(
+                || vec!["not real time: no rights were asked for (--no-realtime)".to_owned()],
+                |report| report.warnings().collect(),
+            );
             if rights_in.send(warnings).is_err() {
                 stop_flag.store(true, Ordering::Relaxed);
             }
-            servo_loop::run(thread, &stop_flag)
+            servo_loop::run(thread, pace, &stop_flag)
         })
         .context("cannot start the servo thread")?;
-    let refused = receive(&rights_out)?;
-    for line in &refused {
-        warn(line);
-    }
     Ok(Running {
         thread: handle,
         stop,
-        refused,
+        refused: receive(&rights_out)?,
         began: Instant::now(),
     })
 }
@@ -258,52 +316,44 @@ fn receive(rights: &Receiver<Vec<String>>) -> anyhow::Result<Vec<String>> {
         .context("the servo thread did not start")
 }
 
-fn serve_until_end(
-    args: &HapticsArgs,
-    stop: &AtomicBool,
-    publisher: &mut Publisher,
-    running: &Running,
-) {
-    let over = |began: Instant| {
-        args.seconds
-            .is_some_and(|s| began.elapsed().as_secs_f64() >= s)
-    };
-    while !stop.load(Ordering::Relaxed) && !over(running.began) && !running.thread.is_finished() {
-        if publisher.visit(None) {
-            break;
+/// Serves until the servo thread has ended by itself (false), or somebody wants the session's end (true).
+fn serve_until_end(over: &dyn Fn() -> bool, publisher: &mut Publisher, running: &Running) -> bool {
+    while !running.thread.is_finished() {
+        if over() || publisher.visit(None) {
+            return true;
         }
         std::thread::sleep(VISIT);
     }
+    false
 }
 
-/// Stops the servo, brings every viewer to the last brick, compares digests, reports.
+/// Brings every viewer to the last brick, compares digests, reports.
 fn finish(
     args: &HapticsArgs,
     session: &Session<'_>,
     mut publisher: Publisher,
-    running: Running,
+    outcome: &Outcome,
 ) -> anyhow::Result<()> {
     let &Session { tools, scene, feel } = session;
-    running.stop.store(true, Ordering::Relaxed);
-    let finished = running.thread.join().map_err(|payload| {
-        let message = servo_loop::panic_message(payload.as_ref());
-        anyhow!("the servo thread died ({message}); the device's watchdog stops the motors")
-    })?;
-    let seconds = running.began.elapsed().as_secs_f64();
+    let Outcome {
+        finished, comings, ..
+    } = outcome;
+    let servo = &finished.thread.servo;
     while !publisher.records.is_empty() {
         publisher.drain();
     }
-    if finished.behind {
-        publisher.catch_up(finished.servo.cut());
+    if finished.behind() {
+        publisher.catch_up(servo.cut());
     }
     let bone = &scene.bone;
-    let servo_digest = finished.servo.cut().digest(bone);
+    let servo_digest = servo.cut().digest(bone);
     let mirror_digest = publisher.mirror.cut.digest(bone);
     let viewer = last_digests(&mut publisher, wire_digest(mirror_digest));
     if let Some(log) = &mut publisher.pose_log {
         log.flush().context("pose log: cannot write its end")?;
     }
-    let failure = ending_text(&finished.ending);
+    // asked for, even where the device was away
+    let failure = ending_text(&finished.ending).filter(|_| !outcome.asked);
     let report = SessionReport::new(&Facts {
         scene,
         tools,
@@ -311,10 +361,11 @@ fn finish(
         stats: &publisher.stats,
         passages: publisher.passages.report(tools),
         servo_digest,
-        cut: finished.servo.cut(),
+        cut: servo.cut(),
         mirror_digest,
-        link_name: finished.link.describe(),
-        link: finished.link.stats(),
+        link_name: publisher.link_name.clone(),
+        link: comings.gone + finished.thread.link.stats(),
+        reconnects: comings.reconnects,
         viewers: publisher.viewers,
         viewer,
         strayed: publisher
@@ -323,8 +374,8 @@ fn finish(
             .filter_map(|c| c.report)
             .filter(|r| r.digest != wire_digest(servo_digest))
             .count(),
-        seconds,
-        realtime_refused: running.refused,
+        seconds: outcome.seconds,
+        realtime_refused: outcome.refused.clone(),
         ended: failure.clone().unwrap_or_else(|| "as asked".to_owned()),
     });
     goodbye(&mut publisher, &report.ended);

@@ -314,6 +314,9 @@ fn haptics_args(args: &DemoArgs, files: &Files) -> Vec<String> {
         "--seconds".to_owned(),
         args.seconds().to_string(),
         "--die-with-parent".to_owned(),
+        // the demonstration's own device does not come back
+        "--reconnect-for".to_owned(),
+        "0".to_owned(),
     ];
     list.extend(scene_args(&args.scene));
     if let Some(path) = &args.tools.tools {

@@ -26,12 +26,14 @@ pub enum LinkError {
     },
     /// The user may not open the port.
     #[error(
-        "device {link}: permission denied; join the group that owns the port (often 'dialout') \
-         and log in again"
+        "device {link}: permission denied; join the group that owns it \
+         (sudo usermod -aG {group} $USER) and log in again"
     )]
     Denied {
         /// The link.
         link: Arc<str>,
+        /// Group of the port.
+        group: String,
     },
     /// The path is a file, a directory, a pipe: no serial port.
     #[error("device {link}: not a serial port; available: {available}; give --device a port")]
@@ -216,6 +218,19 @@ pub enum LinkError {
         /// Those that are known.
         known: &'static str,
     },
+    /// Another device than the session began with.
+    #[error(
+        "device {link}: another device than before ({model} instead of {wanted}); \
+         plug the first one in, or start a new session"
+    )]
+    Another {
+        /// The link.
+        link: Arc<str>,
+        /// Model of this one.
+        model: String,
+        /// Model of the first one.
+        wanted: String,
+    },
     /// The vendor's library is not there or lacks a function.
     #[error(
         "device {link}: cannot use the vendor's library ({why}); install OpenHaptics and the \
@@ -249,4 +264,10 @@ pub enum LinkError {
         /// What the system said.
         why: String,
     },
+}
+
+/// Bytes in hexadecimal, for people.
+pub(super) fn hex(bytes: &[u8]) -> String {
+    let pairs: Vec<String> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+    pairs.join(" ")
 }

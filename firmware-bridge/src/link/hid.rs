@@ -18,6 +18,8 @@ pub struct HidFound {
     pub node: String,
     /// Maker and product, for people.
     pub name: String,
+    /// Usage page of its reports (0xFF00 and above: its maker's own).
+    pub usage_page: u16,
     /// Whether this user may open it.
     pub may_open: bool,
 }
@@ -34,14 +36,15 @@ pub fn found() -> Vec<HidFound> {
             let name = [d.manufacturer_string(), d.product_string()];
             HidFound {
                 ids: (d.vendor_id(), d.product_id()),
+                usage_page: d.usage_page(),
                 may_open: rustix::fs::access(&*node, Access::READ_OK | Access::WRITE_OK).is_ok(),
                 node,
                 name: name.into_iter().flatten().collect::<Vec<_>>().join(" "),
             }
         })
         .collect();
-    // a device with several usages is listed once for each
-    all.sort_by(|a, b| a.node.cmp(&b.node));
+    // a device with several usages is listed once for each: its maker's own is kept
+    all.sort_by(|a, b| (&a.node, b.usage_page).cmp(&(&b.node, a.usage_page)));
     all.dedup_by(|a, b| a.node == b.node);
     all
 }

@@ -14,13 +14,14 @@
 
 mod cable;
 mod error;
-mod handshake;
-mod hd;
+pub(crate) mod handshake;
+pub(crate) mod hd;
 mod hfab;
 mod hid;
 pub(crate) mod inbox;
 mod mailbox;
 mod open;
+mod order;
 mod port;
 mod receiver;
 mod relay;
@@ -31,9 +32,11 @@ mod spec;
 mod tests;
 
 pub use error::LinkError;
+pub use hd::vendor_library;
 pub use hfab::HfabLink;
 pub use hid::{HidFound, found as hid_found};
 pub use open::{BAUD, OpenLink};
+pub(crate) use port::group_of;
 pub use spec::{DeviceSpec, KINDS, open};
 
 use osteon_protocol::device::{CommandFrame, DeviceHello, StateFrame};
@@ -49,6 +52,12 @@ pub trait DeviceLink: Send {
     /// torque. May wait some seconds. Commands must follow within a second.
     fn prepare(&mut self) -> Result<(), LinkError> {
         Ok(())
+    }
+
+    /// In which state the device is, for people; what keeps it from a session is the error. Turns no motor
+    /// on and takes some seconds at most. Before [`Self::prepare`].
+    fn look(&mut self) -> Result<String, LinkError> {
+        Ok("answers".to_owned())
     }
 
     /// From here on nothing waits: reading goes to a thread of its own.
@@ -146,4 +155,18 @@ pub struct LinkStats {
     pub stale: u64,
     /// Commands not sent because the cable was full.
     pub dropped_commands: u64,
+}
+
+impl std::ops::Add for LinkStats {
+    type Output = Self;
+
+    fn add(self, more: Self) -> Self {
+        Self {
+            frames: self.frames + more.frames,
+            crc_errors: self.crc_errors + more.crc_errors,
+            gaps: self.gaps + more.gaps,
+            stale: self.stale + more.stale,
+            dropped_commands: self.dropped_commands + more.dropped_commands,
+        }
+    }
 }

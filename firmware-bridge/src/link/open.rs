@@ -2,6 +2,7 @@
 
 use super::cable::Cable;
 use super::inbox::Arrivals;
+use super::order::Order;
 use super::port::SerialPort;
 use super::receiver::Receiver;
 use super::relay::{Relay, Source as _};
@@ -30,6 +31,7 @@ pub struct OpenLink {
     relay: Option<Relay>,
     outbox: Outbox,
     dropped_commands: u64,
+    order: Order,
     pub(super) armed: bool,
 }
 
@@ -59,6 +61,7 @@ impl OpenLink {
             relay: None,
             outbox: Outbox::default(),
             dropped_commands: 0,
+            order: Order::default(),
             armed: false,
         };
         link.shake_hands()?;
@@ -123,6 +126,10 @@ impl DeviceLink for OpenLink {
         self.home_and_arm()
     }
 
+    fn look(&mut self) -> Result<String, LinkError> {
+        self.look_at_drive()
+    }
+
     /// Reading an empty terminal line can wait for the kernel's own worker, which runs at ordinary
     /// priority; the servo thread must not.
     fn start(&mut self) -> Result<(), LinkError> {
@@ -150,7 +157,8 @@ impl DeviceLink for OpenLink {
 
     fn send(&mut self, command: &CommandFrame) -> Result<(), LinkError> {
         self.armed = true;
-        if !self.transmit(HostMessage::Command(*command))? {
+        let sent = self.order.admits(*command) && self.transmit(HostMessage::Command(*command))?;
+        if !sent {
             self.dropped_commands += 1;
         }
         Ok(())

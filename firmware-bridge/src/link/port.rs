@@ -29,12 +29,12 @@ impl SerialPort {
     /// its name in error messages.
     pub(super) fn open(path: &str, baud: u32, link: &Arc<str>) -> Result<Self, LinkError> {
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
-        let io =
-            rustix::fs::open(path, flags, Mode::empty()).map_err(|errno| refusal(errno, link))?;
+        let io = rustix::fs::open(path, flags, Mode::empty())
+            .map_err(|errno| refusal(errno, path, link))?;
         if !rustix::termios::isatty(&io) {
             return Err(not_serial(link));
         }
-        refuse_if_locked(&io, link)?;
+        refuse_if_locked(&io, path, link)?;
         let settings = serialport::new(path, baud)
             .data_bits(DataBits::Eight)
             .parity(Parity::None)
@@ -90,7 +90,7 @@ impl Cable for SerialPort {
 
 /// Asks for the lock that `serialport` will take, and gives it back. `serialport` itself, when it
 /// finds the lock taken, first lifts the other program's exclusive mode.
-fn refuse_if_locked(io: &OwnedFd, link: &Arc<str>) -> Result<(), LinkError> {
+fn refuse_if_locked(io: &OwnedFd, path: &str, link: &Arc<str>) -> Result<(), LinkError> {
     match rustix::fs::flock(io, FlockOperation::NonBlockingLockExclusive) {
         Ok(()) => rustix::fs::flock(io, FlockOperation::Unlock),
         Err(Errno::WOULDBLOCK) => {
@@ -100,10 +100,10 @@ fn refuse_if_locked(io: &OwnedFd, link: &Arc<str>) -> Result<(), LinkError> {
         }
         Err(errno) => Err(errno),
     }
-    .map_err(|errno| refusal(errno, link))
+    .map_err(|errno| refusal(errno, path, link))
 }
 
-fn refusal(errno: Errno, link: &Arc<str>) -> LinkError {
+fn refusal(errno: Errno, path: &str, link: &Arc<str>) -> LinkError {
     let link = Arc::clone(link);
     match errno {
         Errno::NOENT | Errno::NODEV | Errno::NXIO => LinkError::NoPort {
@@ -111,13 +111,32 @@ fn refusal(errno: Errno, link: &Arc<str>) -> LinkError {
             available: available(),
         },
         Errno::BUSY => LinkError::Busy { link },
-        Errno::ACCESS | Errno::PERM => LinkError::Denied { link },
+        Errno::ACCESS | Errno::PERM => LinkError::Denied {
+            link,
+            group: group_of(path),
+        },
         Errno::ISDIR | Errno::NOTDIR => not_serial(&link),
         other => LinkError::Setup {
             link,
             why: other.to_string(),
         },
     }
+}
+
+/// Name of the group that owns a port or a socket, or its number; 'dialout' where it cannot be told.
+pub(crate) fn group_of(path: &str) -> String {
+    use std::os::unix::fs::MetadataExt as _;
+    let Ok(found) = std::fs::metadata(path) else {
+        return "dialout".to_owned();
+    };
+    let number = found.gid().to_string();
+    let groups = std::fs::read_to_string("/etc/group").unwrap_or_default();
+    let line = groups.lines().map(|l| l.split(':').collect::<Vec<_>>());
+    let named = line
+        .into_iter()
+        .find(|l| l.get(2) == Some(&number.as_str()))
+        .and_then(|l| l.first().map(ToString::to_string));
+    named.unwrap_or(number)
 }
 
 fn not_serial(link: &Arc<str>) -> LinkError {

@@ -3,6 +3,7 @@
 use super::hd::HdLink;
 use super::hid::open_hid;
 use super::open::BAUD;
+use super::port::group_of;
 use super::report_cable::{PacketIo, ReportCable};
 use super::sim::open_sim;
 use super::{DeviceLink, HfabLink, LinkError, OpenLink};
@@ -68,6 +69,18 @@ impl FromStr for DeviceSpec {
             )),
             "sim" => Ok(Self::Sim(rest.filter(|n| !n.is_empty()).map(Into::into))),
             _ => Err(format!("{text}: unknown kind; give {KINDS}")),
+        }
+    }
+}
+
+impl DeviceSpec {
+    /// The protocol that this kind speaks, for people.
+    pub fn protocol(&self) -> &'static str {
+        match self {
+            Self::Open { .. } | Self::Sim(_) => "the open protocol",
+            Self::Hid { .. } | Self::Packet(_) => "the open protocol's reports",
+            Self::Hfab(_) => "hfab's text lines",
+            Self::OpenHaptics(_) => "the vendor's library",
         }
     }
 }
@@ -142,6 +155,7 @@ fn open_packet(path: &std::path::Path, name: Arc<str>) -> Result<OpenLink, LinkE
         },
         Errno::ACCESS | Errno::PERM => LinkError::Denied {
             link: Arc::clone(&name),
+            group: group_of(&path.display().to_string()),
         },
         Errno::AGAIN => LinkError::Busy {
             link: Arc::clone(&name),

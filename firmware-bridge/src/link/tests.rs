@@ -1,5 +1,6 @@
 //! The link against a scripted peer at the other end of a real pseudo-terminal.
 
+mod conformance;
 mod start;
 mod stream;
 

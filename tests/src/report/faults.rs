@@ -139,3 +139,25 @@ draws the bare stylus); seeds go round all six. The seed also chooses the moment
 * **Applied wrongly**: every command that the drive takes over is compared with what a host has sent under that number; none may \
 differ, none may be older than the one before.
 * These are times on a virtual clock: they prove the logic and its limits, not the punctuality of a computer.";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The bench's document has the table itself, every fault in each of its directions.
+    #[test]
+    fn the_bench_document_has_every_row() {
+        let path = crate::workspace().join("BENCH.md");
+        let text = std::fs::read_to_string(path).expect("BENCH.md");
+        for entry in CATALOGUE {
+            for direction in entry.directions {
+                let row = format!("| {} | {direction} |", entry.name);
+                let found = text.lines().filter(|l| l.starts_with(&row)).count();
+                assert_eq!(found, 1, "{row}");
+            }
+        }
+        let rows = text.lines().filter(|l| l.starts_with("| ")).count();
+        let all: usize = CATALOGUE.iter().map(|e| e.directions.len()).sum();
+        assert!(rows > all);
+    }
+}

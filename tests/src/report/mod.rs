@@ -3,6 +3,7 @@
 pub mod carver;
 pub mod carving;
 pub mod faults;
+pub mod latency;
 mod machine;
 pub mod plot;
 pub mod pose;
@@ -20,6 +21,8 @@ pub enum Report {
     Carving(carving::CarvingArgs),
     /// Every fault of cable and device, in lockstep: time to zero torque, energy, recovery
     Faults(faults::FaultsArgs),
+    /// How punctual the servo is here, beside cyclictest: by transport, scheduler and load
+    Latency(latency::LatencyArgs),
     /// Where the host takes the stylus to be, against the plant's truth: at rest, in motion, with potentiometers
     Pose(pose::PoseArgs),
     /// How still, safe and true the force loop is, with its hard cases and other programs' defects beside it
@@ -31,6 +34,7 @@ pub fn run(report: &Report) -> Result<()> {
     match report {
         Report::Carving(args) => carving::run(args),
         Report::Faults(args) => faults::run(args),
+        Report::Latency(args) => latency::run(args),
         Report::Pose(args) => pose::run(args),
         Report::Stability(args) => stability::run(args),
     }

@@ -161,7 +161,7 @@ fn spawn(args: FakeArgs, stop: &Arc<AtomicBool>) -> JoinHandle<anyhow::Result<()
     let stop = Arc::clone(stop);
     std::thread::Builder::new()
         .name("fake-omni".to_owned())
-        .spawn(move || Bench::new(&args)?.go(&args, &stop))
+        .spawn(move || serve(&args, &stop, &mut std::io::sink()).map(drop))
         .unwrap()
 }
 

@@ -284,3 +284,46 @@ fn text(from: *const c_char) -> String {
     let text = unsafe { CStr::from_ptr(from) };
     text.to_string_lossy().into_owned()
 }
+
+/// What the mock library shows of its plant, for tests; the real library has none of it.
+#[cfg(test)]
+pub(crate) mod mock {
+    use super::UnixLibrary;
+
+    /// The mock library's file beside this test program.
+    pub(crate) fn path() -> String {
+        let here = std::env::current_exe().unwrap();
+        let file = here.with_file_name("libmock_hd.so");
+        assert!(file.exists(), "{}: not built", file.display());
+        file.display().to_string()
+    }
+
+    fn library() -> UnixLibrary {
+        // SAFETY: a library of this workspace without start-up code
+        unsafe { UnixLibrary::new(path()).unwrap() }
+    }
+
+    /// Reads a place of the plant.
+    pub(crate) fn get(at: u32) -> f64 {
+        let library = library();
+        // SAFETY: the mock's function has this signature
+        let get = unsafe {
+            library
+                .get::<extern "C" fn(u32) -> f64>(b"mockHdGet")
+                .unwrap()
+        };
+        get(at)
+    }
+
+    /// Sets a place of the plant.
+    pub(crate) fn set(at: u32, value: f64) {
+        let library = library();
+        // SAFETY: the mock's function has this signature
+        let set = unsafe {
+            library
+                .get::<extern "C" fn(u32, f64)>(b"mockHdSet")
+                .unwrap()
+        };
+        set(at, value);
+    }
+}

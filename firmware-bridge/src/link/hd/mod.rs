@@ -10,9 +10,10 @@
 //! Unverified: that the library's z axis points along the stylus to its rear, as here.
 
 mod callback;
-mod ffi;
+pub(super) mod ffi;
 
 use super::mailbox::{Inlet, mailbox};
+use super::order::Order;
 use super::{Clocks, DeviceInfo, DeviceLink, LinkError, LinkStats};
 use crate::rt::now_ns;
 use callback::{Callback, Shared, Watch};
@@ -52,6 +53,8 @@ pub(super) struct HdLink {
     inlet: Option<Inlet>,
     scheduled: Option<std::ffi::c_ulong>,
     stats: LinkStats,
+    order: Order,
+    dropped_commands: u64,
 }
 
 /// What the counts of this link mean.
@@ -67,12 +70,9 @@ fn scale(max_force_n: f64) -> DeviceScale {
     }
 }
 
-fn load(name: &Arc<str>) -> Result<&'static Hd, LinkError> {
-    let named = std::env::var(LIBRARY_VARIABLE).ok();
-    let tries: Vec<&str> = match &named {
-        Some(path) => vec![path],
-        None => NAMES.to_vec(),
-    };
+/// Loads the library of this path, or the system's.
+fn load(named: Option<&str>, name: &Arc<str>) -> Result<&'static Hd, LinkError> {
+    let tries = named.map_or(NAMES.to_vec(), |path| vec![path]);
     let mut why = String::new();
     for path in tries {
         match ffi::load(path) {
@@ -85,6 +85,18 @@ fn load(name: &Arc<str>) -> Result<&'static Hd, LinkError> {
         link: Arc::clone(name),
         why,
     })
+}
+
+/// Whether the vendor's library can be loaded, and under which name; no device is started.
+pub fn vendor_library() -> Result<String, String> {
+    let library = std::env::var(LIBRARY_VARIABLE).ok();
+    let loaded = load(library.as_deref(), &"openhaptics".into());
+    loaded
+        .map(|_| library.unwrap_or_else(|| NAMES[0].to_owned()))
+        .map_err(|error| match error {
+            LinkError::NoLibrary { why, .. } => why,
+            other => other.to_string(),
+        })
 }
 
 /// An error of the library in our words.
@@ -114,7 +126,17 @@ fn refusal(hd: &Hd, name: &Arc<str>, call: &'static str, error: ErrorInfo) -> Li
 impl HdLink {
     /// Loads the library and starts the device of this name, or the default one.
     pub(super) fn open(device: Option<&str>, name: Arc<str>) -> Result<Self, LinkError> {
-        let hd = load(&name)?;
+        let library = std::env::var(LIBRARY_VARIABLE).ok();
+        Self::through(library.as_deref(), device, name)
+    }
+
+    /// As [`Self::open`], through the library at this path.
+    pub(super) fn through(
+        library: Option<&str>,
+        device: Option<&str>,
+        name: Arc<str>,
+    ) -> Result<Self, LinkError> {
+        let hd = load(library, &name)?;
         let text = device.map(CString::new).transpose();
         let text = text.map_err(|e| LinkError::Setup {
             link: Arc::clone(&name),
@@ -145,6 +167,8 @@ impl HdLink {
             inlet: None,
             scheduled: None,
             stats: LinkStats::default(),
+            order: Order::default(),
+            dropped_commands: 0,
         })
     }
 
@@ -280,6 +304,10 @@ impl DeviceLink for HdLink {
         let most = self.info.scale.dac_max;
         let force = command.torque.map(|t| t.clamp(-most, most));
         let force = if command.enable { force } else { [0; 3] };
+        if !self.order.admits(*command) {
+            self.dropped_commands += 1;
+            return Ok(());
+        }
         self.shared.store(command.seq, force);
         self.shared.live.store(command.enable, Ordering::Release);
         Ok(())
@@ -291,7 +319,10 @@ impl DeviceLink for HdLink {
     }
 
     fn stats(&self) -> LinkStats {
-        self.stats
+        LinkStats {
+            dropped_commands: self.dropped_commands,
+            ..self.stats
+        }
     }
 
     fn describe(&self) -> String {
