@@ -127,6 +127,7 @@ impl Mirror {
     fn take(&mut self, message: &ToViewer) -> Option<Digest> {
         match message {
             ToViewer::Reset { epoch } => self.cut.reset(*epoch),
+            ToViewer::Undone { epoch, .. } => self.cut.set_epoch(*epoch),
             ToViewer::Bricks(bricks) => {
                 let values = unpack_bricks(bricks).expect("bricks");
                 for ((chunk, brick), v) in bricks.ids.iter().zip(values.chunks(512)) {

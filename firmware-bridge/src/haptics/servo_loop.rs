@@ -8,15 +8,13 @@ use super::resync::Resync;
 use crate::link::{DeviceLink, LinkError};
 use crate::rt::{now_ns, sleep_until};
 use osteon_protocol::device::{CommandFrame, DriveState, StateFrame, switch};
-use osteon_sim_core::servo::{Request, Sample, Servo, TickOutput};
+use osteon_sim_core::servo::{MAX_REQUESTS, Request, Sample, Servo, TickOutput};
 use rtrb::{Consumer, Producer};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Period of the servo loop, ns.
 pub(crate) const PERIOD_NS: u64 = 1_000_000;
-/// Requests taken over in one tick at most.
-const MAX_REQUESTS: usize = 8;
 /// Device link silent for this long: the session ends, ns.
 const LOST_AFTER_NS: u64 = 1_000_000_000;
 
@@ -211,7 +209,6 @@ pub(crate) fn one_beat(
         beat.watch_arming(state.drive)?;
     }
     let sample = fresh.map(|state| sample_of(&state, beat.command_seq));
-    let epoch_before = thread.servo.cut().epoch();
     let output = thread.servo.tick(sample.as_ref(), &requests[..count]);
     if thread.panic_at_tick == Some(beat.tick) {
         induced_panic();
@@ -245,6 +242,7 @@ pub(crate) fn one_beat(
         },
         removed_by_class: output.removed_by_class,
         epoch: output.epoch,
+        checkpoints: output.checkpoints,
         revision: begun(&thread.servo),
         drive: beat.last_state.map(|s| s.drive),
         trips: beat.last_state.map_or(0, |s| s.trips),
@@ -254,7 +252,7 @@ pub(crate) fn one_beat(
     };
     // what was carved is told even where the command did not go out
     let since = || clock().saturating_sub(started);
-    publish(thread, &output, epoch_before, tick, &since);
+    publish(thread, &output, tick, &since);
     beat.tick += 1;
     sent
 }
@@ -353,21 +351,12 @@ fn send(
 fn publish(
     thread: &mut ServoThread,
     output: &TickOutput,
-    epoch_before: u32,
     mut tick: TickRecord,
     since_start: &dyn Fn() -> u64,
 ) {
     let (records, resync, servo) = (&mut thread.records, &mut thread.resync, &thread.servo);
-    if output.epoch != epoch_before {
-        resync.forget();
-        if records
-            .push(Record::Reset {
-                epoch: output.epoch,
-            })
-            .is_err()
-        {
-            resync.owe_reset();
-        }
+    for event in output.events.iter() {
+        resync.follow(event, servo, records);
     }
     for step in &output.carved[..output.carved_len] {
         let record = Record::Carved {

@@ -398,3 +398,4 @@ fn a_lost_step_that_is_pending_is_copied_when_it_is_whole() {
 }
 
 mod feel;
+mod undo;

@@ -101,6 +101,7 @@ impl Job for Chunks<'_, '_> {
                 } else {
                     kernel.chunk(self.stamp, &mut scratch, chunk, coord);
                 }
+                *self.stamp.budget -= self.stamp.cut.take_saving_work();
             }
             next += 1;
         }

@@ -102,6 +102,8 @@ const KEYS: [(&str, &str); 14] = [
     ("S", "spindle on or off"),
     ("P", "pause (no force, no cutting) or go on"),
     ("R", "back to the uncut bone"),
+    ("K", "keep the bone as it is now"),
+    ("U", "undo: back to the bone that was kept last"),
     ("C", "hold: the tool waits while the stylus moves freely"),
     ("W", "show the whole bone"),
     ("G", "show the glenoid closely"),
