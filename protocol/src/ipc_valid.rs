@@ -1,8 +1,9 @@
 //! The documented ranges of the viewer messages, checked after decoding.
 
 use crate::ipc::{
-    Bricks, Command, FromViewer, Health, MAX_BRICKS, MAX_CHECKPOINTS, MAX_GUARDS, MOTION_SCALE_MILLI, PoseUpdate,
-    RemovalEvent, Scene, TURN_MILLIRAD, ToViewer, ToolInfo, WirePose,
+    Bricks, Command, FromViewer, Health, MAX_BRICKS, MAX_CHECKPOINTS, MAX_GUARDS,
+    MOTION_SCALE_MILLI, PoseUpdate, RemovalEvent, Scene, TURN_MILLIRAD, ToViewer, ToolInfo,
+    WirePose,
 };
 use crate::ipc_frame::{IpcError, Message};
 

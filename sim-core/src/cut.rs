@@ -18,8 +18,8 @@ use crate::grid::{
 };
 use crate::tissue::TISSUES;
 use glam::DVec3;
-pub use journal::{JOURNAL_BRICKS, MAX_CHECKPOINTS, journal_bricks};
 use journal::Journal;
+pub use journal::{JOURNAL_BRICKS, MAX_CHECKPOINTS, journal_bricks};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 /// Most tools of one session.

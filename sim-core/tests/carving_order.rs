@@ -11,17 +11,15 @@
 mod common;
 
 use common::motley::{motley, random_step, tools};
-use common::random::Random;
+use common::random::{Random, random_solid, tool_of, touching};
 use common::{bone_of, brute};
 use glam::DVec3;
-use osteon_sim_core::bone::{Bone, DenseBone, Occupancy};
+use osteon_sim_core::bone::{Bone, Occupancy};
 use osteon_sim_core::carve::{CarveStep, Carving, Progress, Work};
 use osteon_sim_core::cut::{Cut, UNCUT};
 use osteon_sim_core::grid::Grid;
 use osteon_sim_core::pose::Pose;
 use osteon_sim_core::sample::fields;
-use osteon_sim_core::tissue::hu_of_density;
-use osteon_sim_core::tool::Tool;
 
 fn assert_same(bone: &Bone, a: &Cut, b: &Cut) {
     for chunk in 0..bone.chunk_count() {

@@ -75,8 +75,10 @@ proptest! {
     fn any_deeds_end_as_if_what_was_undone_had_never_been_cut(deeds in deeds()) {
         let world = &*WORLD;
         let bone = &world.bone;
-        let mut cut = Cut::with_journal(bone, journal_bricks(bone));
-        let mut follower = Cut::with_journal(bone, journal_bricks(bone));
+        // room for every checkpoint, whatever is cut
+        let room = MAX_CHECKPOINTS * journal_bricks(bone);
+        let mut cut = Cut::with_journal(bone, room);
+        let mut follower = Cut::with_journal(bone, room);
         let mut plain = Cut::new(bone);
         let mut kept: Vec<(u32, Cut)> = Vec::new();
         for deed in deeds {
@@ -109,7 +111,8 @@ proptest! {
                         cut.go_on_undoing(&mut left, &mut |_, _| {});
                         prop_assert!(left > -8, "{} is overdrawn", left);
                     }
-                    prop_assert!(follower.undo_to(id, epoch, &mut |_, _| {}));
+                    let gone = follower.undo_to(id, epoch, &mut |_, _| {});
+                    prop_assert!(gone);
                 }
                 Deed::Reset => {
                     kept.clear();

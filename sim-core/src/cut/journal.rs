@@ -219,7 +219,7 @@ impl Cut {
         if journal.marks.is_empty() || journal.undo_to.is_some() || id < journal.next {
             return false;
         }
-        let far = id - journal.next >= MAX_CHECKPOINTS as u32;
+        let far = (id - journal.next) as usize >= MAX_CHECKPOINTS;
         if journal.count() == 0 || far {
             journal.forget();
             journal.oldest = id;
