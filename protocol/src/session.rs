@@ -285,7 +285,7 @@ impl core::error::Error for NoMessage {}
 pub fn encode<T: Serialize>(message: &T, out: &mut Vec<u8>) -> Result<(), NoMessage> {
     out.clear();
     let bytes = core::mem::take(out);
-    *out = postcard::to_extend(message, bytes).map_err(|_| NoMessage)?;
+    *out = postcard::to_extend(message, bytes).map_err(|_shape| NoMessage)?;
     Ok(())
 }
 
