@@ -1,7 +1,7 @@
 //! `osteon`: one program, one sub-command for each process and report.
 
 use clap::{Parser, Subcommand};
-use osteon_firmware_bridge::{bench, doctor, fake, haptics, import, launcher};
+use osteon_firmware_bridge::{bench, doctor, export, fake, haptics, import, launcher, replay};
 use osteon_tests::report;
 use std::process::ExitCode;
 
@@ -33,6 +33,10 @@ enum Task {
     Bench(bench::BenchArgs),
     /// Make a scene of a lab's own data: a folder of DICOM slices
     Import(import::ImportArgs),
+    /// Play a recorded session again, and compare every tick bit for bit
+    Replay(replay::ReplayArgs),
+    /// Make tables and volumes of a recorded session for other programs
+    Export(export::ExportArgs),
     /// Say what this machine can do: real-time rights, ports, display, graphics
     Doctor(doctor::DoctorArgs),
     /// Measure, and write a document with its tables and plots
@@ -57,6 +61,8 @@ fn main() -> ExitCode {
         Task::FakeOmni(args) => fake::run(&args),
         Task::Bench(args) => bench::run(&args),
         Task::Import(args) => import::run(&args),
+        Task::Replay(args) => replay::run(&args),
+        Task::Export(args) => export::run(&args),
         Task::Doctor(args) => doctor::run(&args, screen),
         Task::Report(report) => report::run(&report),
     };

@@ -41,6 +41,8 @@ pub struct Setup {
     pub tool_hashes: Vec<(String, u64)>,
     /// Every parameter of the feel by its key.
     pub feel: Vec<(String, f64)>,
+    /// Length of a tick, s.
+    pub tick_s: f64,
     /// Limit of the force at the stylus, N.
     pub force_limit_n: f64,
     /// Registration.
@@ -79,8 +81,8 @@ pub struct InputFile {
     pub path: String,
     /// Length.
     pub bytes: u64,
-    /// XXH3-64 of its bytes.
-    pub xxh3: u64,
+    /// XXH3-128 of its bytes, hexadecimal.
+    pub xxh3: String,
 }
 
 /// What the device's numbers mean.
@@ -262,8 +264,8 @@ pub enum Mark {
     End {
         /// Ticks in all.
         ticks: u64,
-        /// The servo's cut.
-        digest: Digest,
+        /// The servo's cut; `None` where the servo panicked.
+        digest: Option<Digest>,
         /// Why.
         reason: String,
     },

@@ -6,8 +6,10 @@
 use super::record::{COPY_VALUES, Felt, Record, TickRecord};
 use super::resync::Resync;
 use crate::link::{DeviceLink, LinkError};
+use crate::recording::{Recorded, Tap, link_in_file, outcome, sample_in_file};
 use crate::rt::{now_ns, sleep_until};
 use osteon_protocol::device::{CommandFrame, DriveState, StateFrame, switch};
+use osteon_protocol::session;
 use osteon_sim_core::servo::{MAX_REQUESTS, Request, Sample, Servo, TickOutput};
 use rtrb::{Consumer, Producer};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -45,6 +47,8 @@ pub(crate) struct ServoThread {
     pub records: Producer<Record>,
     pub requests: Consumer<Request>,
     pub resync: Resync,
+    /// To the recorder, where there is one.
+    pub recording: Option<Tap>,
     /// Tick at which to panic: proves the motors' way to zero.
     pub panic_at_tick: Option<u64>,
 }
@@ -253,8 +257,38 @@ pub(crate) fn one_beat(
     // what was carved is told even where the command did not go out
     let since = || clock().saturating_sub(started);
     publish(thread, &output, tick, &since);
+    let sample = fresh
+        .zip(sample)
+        .map(|(state, sample)| sample_in_file(&sample, state.seq));
+    record(thread, beat, timing, sample, (requests, count), &output);
     beat.tick += 1;
     sent
+}
+
+/// Hands the tick's inputs, and what came out, to the recorder.
+fn record(
+    thread: &mut ServoThread,
+    beat: &Beat,
+    timing: &Timing,
+    sample: Option<session::Sample>,
+    (requests, request_count): ([Request; MAX_REQUESTS], usize),
+    output: &TickOutput,
+) {
+    let Some(recording) = &mut thread.recording else {
+        return;
+    };
+    recording.push(Recorded {
+        tick: beat.tick,
+        started_ns: timing.started,
+        late_ns: timing.late_ns,
+        skipped: timing.skipped,
+        lost: 0,
+        sample,
+        requests,
+        request_count,
+        outcome: outcome(output, &thread.servo),
+        link: link_in_file(beat.last_state.as_ref(), thread.link.stats()),
+    });
 }
 
 fn felt(output: &TickOutput, servo: &Servo) -> Felt {

@@ -6,6 +6,7 @@
 
 use super::client::ViewerReport;
 use super::mirror::Mirror;
+use super::notes::Notes;
 use super::publisher::{Publisher, ViewerCounts, warn, wire_digest, wire_pose};
 use super::record::RING_RECORDS;
 use super::report::{Facts, SessionReport};
@@ -17,6 +18,7 @@ use crate::feel;
 use crate::link::{self, DeviceLink, DeviceSpec};
 use crate::passage::{Layers, Passages};
 use crate::progress::Progress;
+use crate::recording::{Begun, Blank, RING_TICKS, Recorder, Tap, describe};
 use crate::rt::{self, RtReport};
 use crate::scene::{self, Scene};
 use crate::stop;
@@ -118,6 +120,7 @@ fn with_listener(
 ) -> anyhow::Result<()> {
     let &Session { tools, scene, .. } = session;
     let pose_log = pose_log(args)?;
+    let blank = args.record.as_deref().map(Blank::new).transpose()?;
     if stop.load(Ordering::Relaxed) {
         bail!("asked to end before the session began");
     }
@@ -148,6 +151,7 @@ fn with_listener(
         let_go: false,
     };
     let resync = Resync::new(&scene.bone, tools.to_vec());
+    let (recorder, recording) = recorder(args, session, link.as_ref(), blank)?.unzip();
     link.prepare()?;
     link.start()?;
     let thread = ServoThread {
@@ -156,6 +160,7 @@ fn with_listener(
         link,
         records: record_in,
         requests: request_out,
+        recording,
         panic_at_tick: args.panic_at_tick,
     };
     let running = start(thread)?;
@@ -164,8 +169,31 @@ fn with_listener(
         scene.source,
         scene.bone.chunk_count()
     ));
-    serve_until_end(args, stop, &mut publisher, &running);
-    finish(args, session, publisher, running)
+    serve_until_end(args, stop, (&mut publisher, recorder.as_ref()), &running);
+    finish(args, session, (publisher, recorder), running)
+}
+
+/// Starts the recorder that was asked for, and gives the servo's end of its ring.
+fn recorder(
+    args: &HapticsArgs,
+    session: &Session<'_>,
+    link: &dyn DeviceLink,
+    blank: Option<Blank>,
+) -> anyhow::Result<Option<(Recorder, Tap)>> {
+    let Some(blank) = blank else {
+        return Ok(None);
+    };
+    let setup = describe(&Begun {
+        scene_args: &args.scene,
+        tool_args: &args.tools,
+        scene: session.scene,
+        servo: &servo_setup(args, session, link),
+        device: link.info(),
+        link_name: clip(&link.describe()),
+    })?;
+    let (ticks_in, ticks_out) = rtrb::RingBuffer::new(RING_TICKS);
+    let recorder = Recorder::start(blank, setup, ticks_out)?;
+    Ok(Some((recorder, Tap::new(ticks_in))))
 }
 
 fn pose_log(args: &HapticsArgs) -> anyhow::Result<Option<Box<dyn Write + Send>>> {
@@ -186,8 +214,12 @@ fn make_servo(
     session: &Session<'_>,
     link: &dyn DeviceLink,
 ) -> anyhow::Result<Servo> {
+    Servo::new(servo_setup(args, session, link)).ok_or_else(|| anyhow!("no tools, or too many"))
+}
+
+fn servo_setup(args: &HapticsArgs, session: &Session<'_>, link: &dyn DeviceLink) -> ServoSetup {
     let &Session { tools, scene, feel } = session;
-    let setup = ServoSetup {
+    ServoSetup {
         bone: Arc::clone(&scene.bone),
         tools: tools.to_vec(),
         bone_from_base: bone_from_base(&scene.bone_from_plan, scene.bone.lps_from_bone()),
@@ -195,8 +227,7 @@ fn make_servo(
         device: link.info().scale,
         force_limit_n: args.force_limit,
         feel: *feel,
-    };
-    Servo::new(setup).ok_or_else(|| anyhow!("no tools, or too many"))
+    }
 }
 
 fn wire_scene(session: &Session<'_>, force_limit_n: f64) -> osteon_protocol::ipc::Scene {
@@ -261,9 +292,10 @@ fn receive(rights: &Receiver<Vec<String>>) -> anyhow::Result<Vec<String>> {
 fn serve_until_end(
     args: &HapticsArgs,
     stop: &AtomicBool,
-    publisher: &mut Publisher,
+    (publisher, recorder): (&mut Publisher, Option<&Recorder>),
     running: &Running,
 ) {
+    let mut notes = Notes::default();
     let over = |began: Instant| {
         args.seconds
             .is_some_and(|s| began.elapsed().as_secs_f64() >= s)
@@ -271,6 +303,9 @@ fn serve_until_end(
     while !stop.load(Ordering::Relaxed) && !over(running.began) && !running.thread.is_finished() {
         if publisher.visit(None) {
             break;
+        }
+        if let Some(recorder) = recorder {
+            notes.tell(publisher, recorder);
         }
         std::thread::sleep(VISIT);
     }
@@ -280,7 +315,7 @@ fn serve_until_end(
 fn finish(
     args: &HapticsArgs,
     session: &Session<'_>,
-    mut publisher: Publisher,
+    (mut publisher, recorder): (Publisher, Option<Recorder>),
     running: Running,
 ) -> anyhow::Result<()> {
     let &Session { tools, scene, feel } = session;
@@ -304,6 +339,13 @@ fn finish(
         log.flush().context("pose log: cannot write its end")?;
     }
     let failure = ending_text(&finished.ending);
+    let ended = failure.clone().unwrap_or_else(|| "as asked".to_owned());
+    let recording = recorder.map(|recorder| {
+        // a tick that panicked has left the cut where no replay can
+        let panicked = matches!(finished.ending, Ending::Panicked(_));
+        let digest = (!panicked).then(|| wire_digest(servo_digest));
+        recorder.finish(publisher.stats.ticks, digest, ended.clone())
+    });
     let report = SessionReport::new(&Facts {
         scene,
         tools,
@@ -325,11 +367,21 @@ fn finish(
             .count(),
         seconds,
         realtime_refused: running.refused,
-        ended: failure.clone().unwrap_or_else(|| "as asked".to_owned()),
+        recording,
+        ended,
     });
     goodbye(&mut publisher, &report.ended);
+    conclude(args, &report, failure)
+}
+
+/// Writes the report, and makes an error of what went wrong.
+fn conclude(
+    args: &HapticsArgs,
+    report: &SessionReport,
+    failure: Option<String>,
+) -> anyhow::Result<()> {
     if let Some(path) = &args.json {
-        serde_json::to_writer_pretty(BufWriter::new(create(path)?), &report)
+        serde_json::to_writer_pretty(BufWriter::new(create(path)?), report)
             .with_context(|| format!("{}: cannot write", path.display()))?;
     }
     match failure {
