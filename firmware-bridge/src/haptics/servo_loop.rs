@@ -9,7 +9,6 @@ use crate::link::{DeviceLink, LinkError};
 use crate::recording::{Recorded, Tap, link_in_file, outcome, sample_in_file};
 use crate::rt::{now_ns, sleep_until};
 use osteon_protocol::device::{CommandFrame, DriveState, StateFrame, switch};
-use osteon_protocol::session;
 use osteon_sim_core::servo::{MAX_REQUESTS, Request, Sample, Servo, TickOutput};
 use rtrb::{Consumer, Producer};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -257,10 +256,8 @@ pub(crate) fn one_beat(
     // what was carved is told even where the command did not go out
     let since = || clock().saturating_sub(started);
     publish(thread, &output, tick, &since);
-    let sample = fresh
-        .zip(sample)
-        .map(|(state, sample)| sample_in_file(&sample, state.seq));
-    record(thread, beat, timing, sample, (requests, count), &output);
+    let input = fresh.zip(sample);
+    record(thread, beat, timing, input, &requests[..count], &output);
     beat.tick += 1;
     sent
 }
@@ -270,22 +267,24 @@ fn record(
     thread: &mut ServoThread,
     beat: &Beat,
     timing: &Timing,
-    sample: Option<session::Sample>,
-    (requests, request_count): ([Request; MAX_REQUESTS], usize),
+    input: Option<(StateFrame, Sample)>,
+    requests: &[Request],
     output: &TickOutput,
 ) {
     let Some(recording) = &mut thread.recording else {
         return;
     };
+    let mut kept = [Request::Reset; MAX_REQUESTS];
+    kept[..requests.len()].copy_from_slice(requests);
     recording.push(Recorded {
         tick: beat.tick,
         started_ns: timing.started,
         late_ns: timing.late_ns,
         skipped: timing.skipped,
         lost: 0,
-        sample,
-        requests,
-        request_count,
+        sample: input.map(|(state, sample)| sample_in_file(&sample, state.seq)),
+        requests: kept,
+        request_count: requests.len(),
         outcome: outcome(output, &thread.servo),
         link: link_in_file(beat.last_state.as_ref(), thread.link.stats()),
     });

@@ -127,8 +127,6 @@ pub struct Moved {
 /// A session as it was before its first tick.
 pub(crate) struct Restored {
     pub scene: Scene,
-    pub tools: Vec<Tool>,
-    pub feel: Feel,
     pub servo: Servo,
 }
 
@@ -137,7 +135,7 @@ pub(crate) struct Restored {
 pub(crate) fn restore(setup: &Setup, moved: &Moved) -> anyhow::Result<Restored> {
     let mut progress = Progress::new("loading bone");
     let restored = load(setup, moved, &mut |stage, share| {
-        progress.show(stage, share)
+        progress.show(stage, share);
     });
     progress.finish();
     restored
@@ -186,7 +184,7 @@ fn load(
     let feel = feel_of(setup)?;
     let servo = Servo::new(ServoSetup {
         bone: Arc::clone(&scene.bone),
-        tools: tools.clone(),
+        tools,
         bone_from_base: pose_of(&setup.bone_from_base)?,
         bone_from_plan: pose_of(&setup.bone_from_plan)?,
         device: scale_of(&setup.device)?,
@@ -196,8 +194,6 @@ fn load(
     Ok(Restored {
         servo: servo.ok_or_else(|| anyhow!("the recording has no tools, or too many"))?,
         scene,
-        tools,
-        feel,
     })
 }
 

@@ -98,7 +98,7 @@ pub(crate) fn help(ctx: &egui::Context, status: &Status, open: &mut bool) {
         });
 }
 
-const KEYS: [(&str, &str); 14] = [
+const KEYS: [(&str, &str); 16] = [
     ("S", "spindle on or off"),
     ("P", "pause (no force, no cutting) or go on"),
     ("R", "back to the uncut bone"),
