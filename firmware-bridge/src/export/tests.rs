@@ -106,7 +106,7 @@ fn what_is_cut_away_is_missing_from_surface_and_volumes() {
     let removed = Cut::mm3(bone.grid(), cut.totals().units());
     let gone = whole.volume_mm3() - left.volume_mm3();
     assert!(
-        removed > 250.0 && (gone / removed - 1.0).abs() < 0.02,
+        removed > 150.0 && (gone / removed - 1.0).abs() < 0.02,
         "{gone} {removed}"
     );
     // volumes: the bone's own CT numbers, air in the hole and outside
@@ -200,8 +200,8 @@ fn a_session_becomes_tables_that_hold_every_tick() {
     assert_eq!(count, ticks.len());
     let events = read("tables/events.csv");
     for event in [
-        "2000,request,\"checkpoint\"",
-        "2800,request,\"undo\"",
+        "300,request,\"checkpoint\"",
+        "850,request,\"undo\"",
         "1500,request,\"reset\"",
         "4000,end,\"as asked",
     ] {
@@ -218,7 +218,7 @@ fn a_session_becomes_tables_that_hold_every_tick() {
         csv: None,
         nifti: None,
         stl: Some(dir.path().join("early.stl")),
-        at: Some(0.5),
+        at: Some(0.7),
         ..export(&file, dir.path())
     };
     run(&early).expect("exported");

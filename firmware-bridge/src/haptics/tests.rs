@@ -156,7 +156,7 @@ impl Pair {
         Self::over_phantom(capacity, slowly)
     }
 
-    fn over_phantom(capacity: usize, height: fn(u16) -> f64) -> Self {
+    pub(crate) fn over_phantom(capacity: usize, height: fn(u16) -> f64) -> Self {
         let args = SceneArgs {
             voxel_mm: Some(1.2),
             ..SceneArgs::default()

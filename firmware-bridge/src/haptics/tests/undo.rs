@@ -3,6 +3,14 @@
 use super::*;
 
 impl Pair {
+    /// Runs with a publisher that keeps up; the tool is in bone from tick 3000 to 5000.
+    fn run_in_step(&mut self, ticks: u32) {
+        for _ in 0..ticks {
+            self.run(1);
+            self.drain(usize::MAX);
+        }
+    }
+
     fn ask(&mut self, request: Request) {
         self.requests.push(request).expect("room");
         self.run(1);
@@ -29,8 +37,7 @@ impl Pair {
 #[test]
 fn a_mirror_that_keeps_up_goes_back_by_itself() {
     let mut pair = Pair::new(4096);
-    pair.run(2600);
-    pair.drain(usize::MAX);
+    pair.run_in_step(3150);
     let bone = Arc::clone(pair.thread.servo.bone());
     let kept = pair.mirror.cut.digest(&bone);
     pair.ask(Request::Checkpoint);
@@ -59,12 +66,11 @@ fn a_mirror_that_keeps_up_goes_back_by_itself() {
 
 #[test]
 fn what_was_lost_after_a_checkpoint_does_not_matter_to_it() {
-    let mut pair = Pair::new(2048);
-    pair.run(1800);
-    pair.drain(usize::MAX);
+    let mut pair = Pair::new(1500);
+    pair.run_in_step(3150);
     pair.ask(Request::Checkpoint);
     // the publisher sleeps until the ring is full, and has room for the undo alone
-    pair.run(1900);
+    pair.run(900);
     assert!(pair.thread.resync.is_behind());
     pair.drain(4);
     pair.ask(Request::Undo);
@@ -79,12 +85,10 @@ fn what_was_lost_after_a_checkpoint_does_not_matter_to_it() {
 
 #[test]
 fn an_undo_that_finds_the_ring_full_is_not_lost() {
-    let mut pair = Pair::new(2048);
-    pair.run(1800);
-    pair.drain(usize::MAX);
-    pair.run(100);
+    let mut pair = Pair::new(1500);
+    pair.run_in_step(3150);
     pair.ask(Request::Checkpoint);
-    pair.run(1900);
+    pair.run(900);
     pair.ask(Request::Undo);
     assert!(pair.thread.resync.is_behind());
     assert_eq!(pair.mirror.cut.epoch(), 0);
