@@ -1,6 +1,7 @@
 //! What a session file shows in JSON: poses and forces a hundred times a second, events, health.
 
 use super::entry::drive_of;
+use crate::fake::truth::drive_name;
 use osteon_protocol::ipc::WirePose;
 use osteon_protocol::session::{Request, Tick, flag};
 use serde_json::{Value, json};
@@ -122,10 +123,13 @@ fn events(last: Option<&Tick>, tick: &Tick) -> Vec<(&'static str, String)> {
     if tick.skipped > 0 {
         events.push(("periods skipped", tick.skipped.to_string()));
     }
-    let drive = |tick: &Tick| drive_of(tick.link.drive);
+    let drive = |tick: &Tick| {
+        let state = drive_of(tick.link.drive);
+        state.map_or("no device", drive_name).to_owned()
+    };
     let (out, link) = (&tick.outcome, &tick.link);
     let Some(last) = last else {
-        events.push(("begin", format!("drive {:?}", drive(tick))));
+        events.push(("begin", format!("drive {}", drive(tick))));
         return events;
     };
     let (old, before) = (&last.outcome, &last.link);
@@ -143,7 +147,7 @@ fn events(last: Option<&Tick>, tick: &Tick) -> Vec<(&'static str, String)> {
         events.push(("cut", text));
     }
     if link.drive != before.drive {
-        events.push(("drive", format!("{:?}", drive(tick))));
+        events.push(("drive", drive(tick)));
     }
     if link.faults != before.faults {
         events.push(("device faults", format!("{:#06x}", link.faults)));

@@ -406,7 +406,7 @@ fn a_replay_that_differs_in_one_bit_is_found() {
     };
     // inputs
     let pushed = at(3100, |t| {
-        t.sample.as_mut().expect("a sample").encoders[1] += 1
+        t.sample.as_mut().expect("a sample").encoders[1] += 1;
     });
     fails(&pushed, &["tick 3100", "the stylus's pose"]);
     fails(&at(2500, |t| t.requests.clear()), &["tick 2500", "differs"]);
