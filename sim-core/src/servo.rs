@@ -197,14 +197,7 @@ impl Servo {
                 self.paused = paused;
                 self.start_over();
             }
-            Request::Reset => {
-                self.carry.forget();
-                self.checkpoint_wanted = false;
-                let epoch = self.cut.epoch().wrapping_add(1);
-                self.cut.reset(epoch);
-                self.events.push(CutEvent::Reset { epoch });
-                self.start_over();
-            }
+            Request::Reset => self.reset(),
             Request::Checkpoint => {
                 self.checkpoint_wanted = true;
                 self.take_checkpoint();

@@ -119,7 +119,7 @@ fn what_is_cut_away_is_missing_from_surface_and_volumes() {
     assert!(notes.is_empty(), "{notes:?}");
     let grid = bone.grid();
     let in_bone = |v: DVec3| (v - middle).length() < RADIUS - 0.5;
-    let in_hole = |v: DVec3| (v - middle).truncate().length() < 3.5 && v.z > middle.z + 4.5;
+    let in_hole = |v: DVec3| (v - middle).truncate().length() < 3.5 && v.z > middle.z + 5.5;
     let (mut kept, mut cleared) = (0, 0);
     for k in 0..grid.dims[2] {
         for j in 0..grid.dims[1] {

@@ -1,6 +1,6 @@
 //! The session file: MCAP with the messages of a replay in postcard, and what people look at in JSON.
 
-use super::readable::{self, Readable};
+use super::readable::{self, FORCE, Readable};
 use super::sink::{Sink, State, Storage};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
@@ -133,6 +133,9 @@ impl SessionFile {
 
     /// Writes the index and the end.
     pub(super) fn finish(mut self) -> Result<(), McapError> {
+        if let Some((at_ns, force)) = self.readable.rest() {
+            self.show(FORCE, at_ns, &force)?;
+        }
         self.writer.finish()?;
         Ok(self.writer.into_inner().flush()?)
     }

@@ -89,20 +89,28 @@ impl Readable {
                     "bone_from_device": pose(&outcome.bone_from_device),
                 }),
             ));
-            shown.push((
-                FORCE,
-                json!({
-                    "tick": tick.tick,
-                    "force_n": outcome.force_n,
-                    "largest_n": self.peak_n,
-                    "real_tool_n": outcome.physical_force_n,
-                    "spindle_rpm": outcome.spindle_rad_s * 60.0 / std::f64::consts::TAU,
-                    "spindle_nmm": outcome.spindle_nmm,
-                }),
-            ));
-            self.peak_n = 0.0;
+            shown.push((FORCE, self.force(tick)));
         }
         shown
+    }
+
+    fn force(&mut self, tick: &Tick) -> Value {
+        let outcome = &tick.outcome;
+        json!({
+            "tick": tick.tick,
+            "force_n": outcome.force_n,
+            "largest_n": core::mem::take(&mut self.peak_n),
+            "real_tool_n": outcome.physical_force_n,
+            "spindle_rpm": outcome.spindle_rad_s * 60.0 / std::f64::consts::TAU,
+            "spindle_nmm": outcome.spindle_nmm,
+        })
+    }
+
+    /// The force of the last ticks, which no message has told yet, and when it was, ns.
+    pub(super) fn rest(&mut self) -> Option<(u64, Value)> {
+        let last = self.last.take()?;
+        let told = last.tick.is_multiple_of(EVERY);
+        (!told).then(|| (last.started_ns, self.force(&last)))
     }
 
     /// What happened in a tick, the next one: names and details.

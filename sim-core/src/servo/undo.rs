@@ -1,4 +1,4 @@
-//! Checkpoints and undo, in the servo's step.
+//! Reset, checkpoints and undo, in the servo's step.
 
 use super::{CutEvent, Servo};
 
@@ -12,6 +12,16 @@ impl Servo {
         if let Some(id) = self.cut.checkpoint() {
             self.events.push(CutEvent::Checkpoint { id });
         }
+    }
+
+    /// Back to the uncut bone, without checkpoints.
+    pub(super) fn reset(&mut self) {
+        self.carry.forget();
+        self.checkpoint_wanted = false;
+        let epoch = self.cut.epoch().wrapping_add(1);
+        self.cut.reset(epoch);
+        self.events.push(CutEvent::Reset { epoch });
+        self.start_over();
     }
 
     /// Back to the newest checkpoint: what is pending belongs to a cut that is gone.
