@@ -57,7 +57,12 @@ fn a_demonstration_on_the_phantom_is_played_to_the_same_bits() {
     assert_whole(&verified(dir.path(), &file), &report);
     // it is never written over
     let again = ["haptics", "--record", text_of(&file), "--voxel-mm", "2"];
-    refused(OSTEON, dir.path(), &again, &["phantom.mcap", "is there already"]);
+    refused(
+        OSTEON,
+        dir.path(),
+        &again,
+        &["phantom.mcap", "is there already"],
+    );
 }
 
 #[test]
@@ -69,18 +74,33 @@ fn a_demonstration_on_a_patient_is_played_to_the_same_bits() {
     let dir = tempfile::tempdir().expect("a folder");
     let file = dir.path().join("patient.mcap");
     let path = |name: &str| data.join(name).display().to_string();
-    let (bone, labels) = (path("right_shoulder_ct.nii.gz"), path("right_shoulder_labels.nii.gz"));
+    let (bone, labels) = (
+        path("right_shoulder_ct.nii.gz"),
+        path("right_shoulder_labels.nii.gz"),
+    );
     // the plan is a copy, so that it can be changed
     let plan = dir.path().join("plan.json");
     std::fs::copy(path("right_glenoid_pose.json"), &plan).expect("a copy");
     let mut more = vec!["--bone", &bone, "--labels", &labels, "--keep", "1"];
-    more.extend(["--threshold", "120", "--seconds", "12", "--pose", text_of(&plan)]);
+    more.extend([
+        "--threshold",
+        "120",
+        "--seconds",
+        "12",
+        "--pose",
+        text_of(&plan),
+    ]);
     let report = demo(dir.path(), &file, &more);
     assert_whole(&verified(dir.path(), &file), &report);
     let text = std::fs::read_to_string(&plan).expect("a plan");
     std::fs::write(&plan, text + "\n").expect("written");
     let args = ["replay", text_of(&file), "--verify"];
-    refused(OSTEON, dir.path(), &args, &["plan.json", "is not the file of the recording"]);
+    refused(
+        OSTEON,
+        dir.path(),
+        &args,
+        &["plan.json", "is not the file of the recording"],
+    );
 }
 
 #[test]
@@ -115,12 +135,18 @@ fn what_is_no_session_is_refused_by_name() {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
     let readme = workspace().join("README.md");
-    let replay = |file: &str, words: &[&str]| refused(OSTEON, dir, &["replay", file, "--verify"], words);
+    let replay =
+        |file: &str, words: &[&str]| refused(OSTEON, dir, &["replay", file, "--verify"], words);
     replay(text_of(&readme), &["README.md", "not an Osteon session"]);
     replay("absent.mcap", &["absent.mcap", "cannot be read"]);
     let export = ["export", "absent.mcap", "--csv", "out"];
     refused(OSTEON, dir, &export, &["absent.mcap", "cannot be read"]);
-    refused(OSTEON, dir, &["export", "absent.mcap"], &["nothing to export"]);
+    refused(
+        OSTEON,
+        dir,
+        &["export", "absent.mcap"],
+        &["nothing to export"],
+    );
     assert!(!dir.join("out").exists());
     assert!(text(dir, "run.err").contains("nothing to export"));
 }
