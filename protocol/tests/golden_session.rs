@@ -102,48 +102,50 @@ fn setup() {
     );
 }
 
+const SAMPLE: Sample = Sample {
+    seq: 300,
+    time_micros: 1,
+    encoders: [1, -1, 64],
+    gimbal: [0, -2, 2],
+    buttons: 3,
+    drive_active: true,
+    docked: false,
+    applied: [-1, 0, 1],
+    ack_age: 2,
+};
+
+const OUTCOME: Outcome = Outcome {
+    torque: [1, -1, 0],
+    bone_from_tool: POSE,
+    bone_from_device: POSE,
+    force_n: [1.0, 2.0, 3.0],
+    physical_force_n: [3.0, 2.0, 1.0],
+    spindle_rad_s: 1.0,
+    spindle_nmm: 2.0,
+    energy_mj: 3.0,
+    removed_by_class: [0, 1, -1, 64, 0, 0, 0, 0],
+    epoch: 128,
+    revision: 129,
+    work: 5,
+    tool: 1,
+    checkpoints: 2,
+    flags: 64,
+};
+
 #[test]
 fn tick() {
-    let sample = Sample {
-        seq: 300,
-        time_micros: 1,
-        encoders: [1, -1, 64],
-        gimbal: [0, -2, 2],
-        buttons: 3,
-        drive_active: true,
-        docked: false,
-        applied: [-1, 0, 1],
-        ack_age: 2,
-    };
-    let outcome = Outcome {
-        torque: [1, -1, 0],
-        bone_from_tool: POSE,
-        bone_from_device: POSE,
-        force_n: [1.0, 2.0, 3.0],
-        physical_force_n: [3.0, 2.0, 1.0],
-        spindle_rad_s: 1.0,
-        spindle_nmm: 2.0,
-        energy_mj: 3.0,
-        removed_by_class: [0, 1, -1, 64, 0, 0, 0, 0],
-        epoch: 128,
-        revision: 129,
-        work: 5,
-        tool: 1,
-        checkpoints: 2,
-        flags: 64,
-    };
     let tick = Tick {
         tick: 7,
         started_ns: 300,
         late_ns: 2,
         skipped: 1,
-        sample: Some(sample),
+        sample: Some(SAMPLE),
         requests: vec![
             Request::SelectTool(3),
             Request::MotionScale(2.0),
             Request::Undo,
         ],
-        outcome,
+        outcome: OUTCOME,
         link: Link {
             drive: 4,
             faults: 300,
