@@ -1,7 +1,9 @@
 //! `osteon`: one program, one sub-command for each process and report.
 
 use clap::{Parser, Subcommand};
-use osteon_firmware_bridge::{bench, devices, doctor, fake, haptics, import, launcher, selftest};
+use osteon_firmware_bridge::{
+    bench, devices, doctor, export, fake, haptics, import, launcher, replay, selftest,
+};
 use osteon_tests::report;
 use std::process::ExitCode;
 
@@ -35,6 +37,10 @@ enum Task {
     Import(import::ImportArgs),
     /// List what is plugged in, which protocol answers, and what keeps it from a session
     Devices(devices::DevicesArgs),
+    /// Play a recorded session again, and compare every tick bit for bit
+    Replay(replay::ReplayArgs),
+    /// Make tables and volumes of a recorded session for other programs
+    Export(export::ExportArgs),
     /// Say what this machine can do: real-time rights, ports, display, graphics
     Doctor(doctor::DoctorArgs),
     /// Commission a device step by step: encoders, buttons, workspace, force, emergency stop; writes a record
@@ -62,6 +68,8 @@ fn main() -> ExitCode {
         Task::Bench(args) => bench::run(&args),
         Task::Import(args) => import::run(&args),
         Task::Devices(args) => devices::run(&args),
+        Task::Replay(args) => replay::run(&args),
+        Task::Export(args) => export::run(&args),
         Task::Doctor(args) => doctor::run(&args, screen),
         Task::Selftest(args) => selftest::run(&args),
         Task::Report(report) => report::run(&report),

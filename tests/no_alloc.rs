@@ -14,7 +14,7 @@ use osteon_sim_core::chain::Guard;
 use osteon_sim_core::feel::Feel;
 use osteon_sim_core::omni;
 use osteon_sim_core::register::bone_from_base;
-use osteon_sim_core::servo::{DeviceScale, Request, Sample, Servo, ServoSetup};
+use osteon_sim_core::servo::{CutEvent, DeviceScale, Request, Sample, Servo, ServoSetup};
 use osteon_sim_core::tool::Tool;
 use osteon_tests::{fake, one_at_a_time};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -111,14 +111,16 @@ fn a_tick_allocates_nothing_whatever_it_does() {
     };
     let mut servo = Servo::new(setup).expect("tools");
     let before = COUNT.with(Cell::get);
-    let mut carved = [0usize; 2];
+    let (mut carved, mut undone) = ([0usize; 2], 0);
     for tick in 1..9000u32 {
-        // down and up again, a new tool, a reset, missing samples, a broken encoder
+        // down and up again, a new tool, checkpoints, undos, a reset, missing samples, a broken encoder
         let phase = f64::from(tick % 4000) / 1000.0;
         let z = 15.0 - 12.0 * phase.min(4.0 - phase);
         let requests: &[Request] = match tick {
             1100 => &[Request::Spindle(true)],
             4000 => &[Request::SelectTool(1)],
+            2500 | 3000 | 5000 | 5500 => &[Request::Checkpoint],
+            3500 | 6000 | 6001 => &[Request::Undo],
             7500 => &[Request::Reset, Request::Pause(true), Request::Pause(false)],
             _ => &[],
         };
@@ -126,6 +128,8 @@ fn a_tick_allocates_nothing_whatever_it_does() {
         let input = sample(tick, z);
         let output = servo.tick((tick % 50 != 0).then_some(&input), requests);
         carved[usize::from(output.tool)] += output.carved_len;
+        let undo = |e| matches!(e, CutEvent::Undone { .. });
+        undone += output.events.iter().filter(|e| undo(*e)).count();
     }
     let allocations = COUNT.with(Cell::get) - before;
     assert!(
@@ -133,6 +137,7 @@ fn a_tick_allocates_nothing_whatever_it_does() {
         "both tools cut: {carved:?}"
     );
     assert!(servo.guards().of(Guard::Implausible) > 0);
+    assert_eq!(undone, 3);
     assert_eq!(allocations, 0);
 }
 

@@ -127,6 +127,7 @@ impl Mirror {
     fn take(&mut self, message: &ToViewer) -> Option<Digest> {
         match message {
             ToViewer::Reset { epoch } => self.cut.reset(*epoch),
+            ToViewer::Undone { epoch, .. } => self.cut.set_epoch(*epoch),
             ToViewer::Bricks(bricks) => {
                 let values = unpack_bricks(bricks).expect("bricks");
                 for ((chunk, brick), v) in bricks.ids.iter().zip(values.chunks(512)) {
@@ -299,17 +300,30 @@ fn bad_company_is_turned_away_and_a_good_viewer_is_served() {
         mirror.take(m);
         matches!(m, ToViewer::Reset { epoch: 1 }).then_some(())
     });
+    good.say(&FromViewer::Command(Command::Checkpoint));
+    pose_that(&mut good, &mut mirror, |p| p.checkpoints == 1);
     wish_for_tool(&mut good, &mut mirror, 0);
-    good.until(|m| {
+    let cut = pose_that(&mut good, &mut mirror, |p| p.removed_mm3 > 20.0);
+    // back to the checkpoint, and a new cut from there
+    good.say(&FromViewer::Command(Command::Undo));
+    let left = good.until(|m| {
         mirror.take(m);
-        matches!(m, ToViewer::Bricks(b) if !b.ids.is_empty()).then_some(())
+        match m {
+            ToViewer::Undone {
+                epoch: 2,
+                removed_mm3_by_class,
+            } => Some(removed_mm3_by_class.iter().sum::<f64>()),
+            _ => None,
+        }
     });
-    let after = pose(&mut good, &mut mirror);
-    assert!(after.removed_mm3 > 0.0);
+    assert!(left < cut.removed_mm3, "{left} of {}", cut.removed_mm3);
+    let after = pose_that(&mut good, &mut mirror, |p| {
+        p.checkpoints == 0 && p.removed_mm3 > left + 10.0
+    });
     // the silent one alone took 3 s
     assert!(after.tick > before + 2000, "{before} to {}", after.tick);
     let digest = stop(&mut good, &mut mirror);
-    assert!(digest.epoch == 1 && digest.changed_chunks > 0);
+    assert!(digest.epoch == 2 && digest.changed_chunks > 0);
     assert!(haptics.wait(LIMIT).success());
     let report = json(&dir.join("report.json"));
     assert_eq!(report["digest"]["servo"], report["digest"]["viewer"]);

@@ -3,6 +3,8 @@
 //! * [`link`]: devices on a cable; [`fake`]: a simulated one as a process of its own.
 //! * [`import`]: a lab's data into a scene; [`scene`]: a bone from a scene, a CT or the built-in phantom; [`tools`]: tools from a file.
 //! * [`haptics`]: the servo thread, its publisher, its sessions; [`rt`]: what it asks of the system.
+//! * [`recording`]: session files; [`replay`]: playing them again; [`export`]: tables and volumes of
+//!   them.
 //! * [`mod@bench`]: device, cable and host in lockstep; [`launcher`]: the demonstration; [`doctor`]: what this machine can do; [`devices`]: what is plugged in; [`stop`]: how a process is asked to
 //!   end.
 //!
@@ -13,6 +15,7 @@
 pub mod bench;
 pub mod devices;
 pub mod doctor;
+pub mod export;
 pub mod fake;
 pub mod feel;
 pub mod haptics;
@@ -21,6 +24,8 @@ pub mod launcher;
 pub mod link;
 pub mod passage;
 pub mod progress;
+pub mod recording;
+pub mod replay;
 pub mod rt;
 pub mod scene;
 pub mod selftest;

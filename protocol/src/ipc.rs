@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 /// Version of the viewer link.
-pub const IPC_VERSION: u16 = 3;
+pub const IPC_VERSION: u16 = 4;
 
 /// Most bytes of one framed message's payload. Bounded before it is believed.
 pub const MAX_PAYLOAD: usize = 1 << 20;
@@ -19,6 +19,9 @@ pub const MAX_BRICKS: usize = 256;
 
 /// Most guards of one [`Health`] message.
 pub const MAX_GUARDS: usize = 32;
+
+/// Most checkpoints of a session at once.
+pub const MAX_CHECKPOINTS: u8 = 8;
 
 /// Motion scales that can be asked for, thousandths.
 pub const MOTION_SCALE_MILLI: RangeInclusive<u16> = 200..=5000;
@@ -151,8 +154,10 @@ pub struct PoseUpdate {
     pub motion_scale: f32,
     /// Depth of the tool's apex along the planned axis past the plan's origin, mm.
     pub depth_mm: f32,
-    /// mm³ removed since the last reset.
+    /// mm³ removed since the last reset, less what was undone.
     pub removed_mm3: f64,
+    /// Checkpoints that [`Command::Undo`] can go back to; at most [`MAX_CHECKPOINTS`].
+    pub checkpoints: u8,
 }
 
 /// One carved sub-step. Thinning loses no sum: the totals are cumulative.
@@ -160,9 +165,9 @@ pub struct PoseUpdate {
 pub struct RemovalEvent {
     /// Servo tick.
     pub tick: u64,
-    /// Counts resets.
+    /// Counts resets and undos.
     pub epoch: u32,
-    /// Number of this sub-step since the reset, from 1.
+    /// Number of this sub-step since the reset, from 1; an undo takes it back to the checkpoint's.
     pub revision: u64,
     /// Index of the tool.
     pub tool: u8,
@@ -178,7 +183,7 @@ pub struct RemovalEvent {
 /// Lossless state of the cut in some bricks.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Bricks {
-    /// Counts resets; a viewer drops the cut of an older epoch.
+    /// Counts resets and undos; a viewer drops the cut of an older epoch.
     pub epoch: u32,
     /// The sender's sub-step count when these values were read.
     pub revision: u64,
@@ -192,9 +197,9 @@ pub struct Bricks {
 /// Digest of the cut ([`Scene`]'s bone, all changed chunks).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Digest {
-    /// Counts resets.
+    /// Counts resets and undos.
     pub epoch: u32,
-    /// Sub-steps since the reset.
+    /// Sub-steps since the reset, less those that were undone.
     pub revision: u64,
     /// XXH3.
     pub hash: u64,
@@ -283,6 +288,14 @@ pub enum ToViewer {
         /// Why.
         reason: String,
     },
+    /// The cut is an earlier one's again: keep it, go on under this epoch; the bricks that differ
+    /// follow.
+    Undone {
+        /// The new epoch.
+        epoch: u32,
+        /// mm³ removed since the last reset, less what was undone, by tissue class.
+        removed_mm3_by_class: [f64; 8],
+    },
 }
 
 /// What a person may ask for.
@@ -306,6 +319,10 @@ pub enum Command {
     /// Turns the workspace about the line of sight by thousandths of a radian, in
     /// [`TURN_MILLIRAD`]. The tool stays where it is.
     TurnWorkspace(i16),
+    /// Remember the cut as it is.
+    Checkpoint,
+    /// Back to the newest checkpoint, which is used up.
+    Undo,
 }
 
 /// Viewer to haptics.

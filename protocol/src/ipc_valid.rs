@@ -1,8 +1,9 @@
 //! The documented ranges of the viewer messages, checked after decoding.
 
 use crate::ipc::{
-    Bricks, Command, FromViewer, Health, MAX_BRICKS, MAX_GUARDS, MOTION_SCALE_MILLI, PoseUpdate,
-    RemovalEvent, Scene, TURN_MILLIRAD, ToViewer, ToolInfo, WirePose,
+    Bricks, Command, FromViewer, Health, MAX_BRICKS, MAX_CHECKPOINTS, MAX_GUARDS,
+    MOTION_SCALE_MILLI, PoseUpdate, RemovalEvent, Scene, TURN_MILLIRAD, ToViewer, ToolInfo,
+    WirePose,
 };
 use crate::ipc_frame::{IpcError, Message};
 
@@ -37,6 +38,10 @@ impl Message for ToViewer {
     fn validate(&self) -> Result<(), IpcError> {
         match self {
             Self::Hello { .. } | Self::Digest(_) | Self::Reset { .. } => Ok(()),
+            Self::Undone {
+                removed_mm3_by_class,
+                ..
+            } => volumes(removed_mm3_by_class),
             Self::Refused { reason } | Self::Bye { reason } => text(reason, MAX_TEXT, "reason"),
             Self::Scene(scene) => check_scene(scene),
             Self::BonePiece(piece) => {
@@ -70,9 +75,13 @@ impl Command {
             Self::TurnWorkspace(milli) => {
                 ensure(TURN_MILLIRAD.contains(&milli), "turn of the workspace")
             }
-            Self::Spindle(_) | Self::Pause(_) | Self::Reset | Self::Stop | Self::Clutch(_) => {
-                Ok(())
-            }
+            Self::Spindle(_)
+            | Self::Pause(_)
+            | Self::Reset
+            | Self::Stop
+            | Self::Clutch(_)
+            | Self::Checkpoint
+            | Self::Undo => Ok(()),
         }
     }
 }
@@ -146,15 +155,19 @@ fn check_pose_update(update: &PoseUpdate) -> Result<(), IpcError> {
     ensure(load, "spindle load")?;
     amount(update.motion_scale.into(), "motion scale")?;
     ensure(update.depth_mm.is_finite(), "depth")?;
-    amount(update.removed_mm3, "removed volume")
+    amount(update.removed_mm3, "removed volume")?;
+    ensure(update.checkpoints <= MAX_CHECKPOINTS, "checkpoints")
 }
 
 fn check_removal(event: &RemovalEvent) -> Result<(), IpcError> {
     tool_index(event.tool)?;
     pose(&event.bone_from_tool_before, "pose before a cut")?;
     pose(&event.bone_from_tool_after, "pose after a cut")?;
-    let volumes = &event.removed_mm3_by_class;
-    volumes
+    volumes(&event.removed_mm3_by_class)
+}
+
+fn volumes(by_class: &[f64]) -> Result<(), IpcError> {
+    by_class
         .iter()
         .try_for_each(|v| amount(*v, "removed volume"))
 }

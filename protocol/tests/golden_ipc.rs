@@ -52,9 +52,9 @@ fn whole_frames_are_the_written_ones() {
     // Length, CRC-32C and payload; the CRCs were computed by a separate program.
     let mut framed = Vec::new();
     let name = "test".to_owned();
-    encode_into(&FromViewer::Hello { version: 3, name }, &mut framed).unwrap();
+    encode_into(&FromViewer::Hello { version: 4, name }, &mut framed).unwrap();
     let hello = [
-        7, 0, 0, 0, 0x00, 0x26, 0x00, 0xA1, 0, 3, 4, b't', b'e', b's', b't',
+        7, 0, 0, 0, 0xAD, 0xDA, 0x49, 0x27, 0, 4, 4, b't', b'e', b's', b't',
     ];
     assert_eq!(framed, hello);
     framed.clear();
@@ -71,12 +71,12 @@ fn whole_frames_are_the_written_ones() {
         [4, 0, 0, 0, 0x4B, 0xD3, 0x95, 0x35, 1, 6, 0xDC, 0x0B]
     );
     framed.clear();
-    encode_into(&ToViewer::Hello { version: 3 }, &mut framed).unwrap();
-    assert_eq!(framed, [2, 0, 0, 0, 0x26, 0x84, 0x31, 0xE2, 0, 3]);
+    encode_into(&ToViewer::Hello { version: 4 }, &mut framed).unwrap();
+    assert_eq!(framed, [2, 0, 0, 0, 0xCD, 0xE0, 0xFB, 0x36, 0, 4]);
     let document = include_str!("../../WIRE.md");
     for shown in [
-        "`07 00 00 00 00 26 00 a1 00 03 04 74 65 73 74`",
-        "`02 00 00 00 26 84 31 e2 00 03`",
+        "`07 00 00 00 ad da 49 27 00 04 04 74 65 73 74`",
+        "`02 00 00 00 cd e0 fb 36 00 04`",
         "`03 00 00 00 07 b2 4e 37 01 00 01`",
         "`04 00 00 00 4b d3 95 35 01 06 dc 0b`",
     ] {
@@ -86,13 +86,19 @@ fn whole_frames_are_the_written_ones() {
 
 #[test]
 fn beginning_and_end() {
-    assert_eq!(IPC_VERSION, 3);
+    assert_eq!(IPC_VERSION, 4);
     holds(&ToViewer::Hello { version: 300 }, &[&[0], &[0xAC, 0x02]]);
     let reason = "no".to_owned();
     holds(&ToViewer::Refused { reason }, &[&[1], &[2], b"no"]);
     holds(&ToViewer::Reset { epoch: 128 }, &[&[9], &[0x80, 0x01]]);
     let reason = "end".to_owned();
     holds(&ToViewer::Bye { reason }, &[&[10], &[3], b"end"]);
+    let volumes = [F64_0, F64_HALF, F64_1, F64_2, F64_3, F64_0, F64_0, F64_0];
+    let undone = ToViewer::Undone {
+        epoch: 300,
+        removed_mm3_by_class: [0.0, 0.5, 1.0, 2.0, 3.0, 0.0, 0.0, 0.0],
+    };
+    holds(&undone, &[&[11], &[0xAC, 0x02], &volumes.concat()]);
 }
 
 #[test]
@@ -183,6 +189,7 @@ fn pose() {
         motion_scale: 1.0,
         depth_mm: 1.0,
         removed_mm3: 0.5,
+        checkpoints: 3,
     };
     holds(
         &ToViewer::Pose(update),
@@ -196,6 +203,7 @@ fn pose() {
             // vibration, speed, torque, load, scale, depth
             &[F32_0, F32_2, F32_1, F32_0, F32_1, F32_1].concat(),
             &F64_HALF,
+            &[3],
         ],
     );
 }
@@ -342,4 +350,6 @@ fn viewer_hello_and_commands() {
     let turn = |milli| FromViewer::Command(Command::TurnWorkspace(milli));
     holds(&turn(262), &[&[1, 7, 0x8C, 0x04]]);
     holds(&turn(-262), &[&[1, 7, 0x8B, 0x04]]);
+    holds(&FromViewer::Command(Command::Checkpoint), &[&[1, 8]]);
+    holds(&FromViewer::Command(Command::Undo), &[&[1, 9]]);
 }

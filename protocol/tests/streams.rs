@@ -92,6 +92,7 @@ fn update() -> PoseUpdate {
         motion_scale: 1.0,
         depth_mm: 0.0,
         removed_mm3: 0.0,
+        checkpoints: 0,
     }
 }
 
@@ -122,6 +123,10 @@ fn messages() -> impl Strategy<Value = ToViewer> {
     prop_oneof![
         any::<u16>().prop_map(|version| ToViewer::Hello { version }),
         any::<u32>().prop_map(|epoch| ToViewer::Reset { epoch }),
+        (any::<u32>(), 0.0..1e9).prop_map(|(epoch, mm3)| ToViewer::Undone {
+            epoch,
+            removed_mm3_by_class: [mm3; 8],
+        }),
         ".{0,40}".prop_map(|reason| ToViewer::Bye { reason }),
         any::<(u64, bool)>().prop_map(|(tick, paused)| ToViewer::Pose(PoseUpdate {
             tick,

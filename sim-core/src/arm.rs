@@ -113,6 +113,17 @@ impl Arm {
         }
     }
 
+    /// The arm of a [`Self::name`].
+    pub fn of_name(name: &str) -> Option<Self> {
+        let all = [
+            Self::Omni,
+            Self::Phantom(&VINTAGE),
+            Self::Phantom(&WOODEN),
+            Self::Cartesian,
+        ];
+        all.into_iter().find(|arm| arm.name() == name)
+    }
+
     /// Coordinates at which a session begins, before a sample has come.
     pub fn rest(self) -> DVec3 {
         match self {

@@ -5,6 +5,7 @@
 )]
 
 mod dense;
+mod digest;
 
 pub use dense::{DenseBone, DenseChunk, MakeChunk};
 

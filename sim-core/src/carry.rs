@@ -10,7 +10,7 @@ use crate::tool::Tool;
 
 /// Units of work ([`Carving::carve_some`]: one is a line of voxels written) that a tick may carve: a bound
 /// on the work, not on the time. The last chunk begun may overdraw it, by 1,177 units at most
-/// (a tool of triangles by ten times that).
+/// (a tool of triangles by ten times that), and by 512 more after a checkpoint.
 pub const TICK_WORK: i64 = 12_288;
 
 /// What is left of a step, and of the tick's budget.
@@ -41,6 +41,11 @@ impl Carry {
     /// Drops what is left: the cut that it belonged to is gone.
     pub fn forget(&mut self) {
         self.pending = None;
+    }
+
+    /// Restores what an undo has left, as far as the budget reaches.
+    pub fn undo(&mut self, cut: &mut Cut) {
+        cut.go_on_undoing(&mut self.left, &mut |_, _| {});
     }
 
     /// Takes up a step and carves it as far as the budget reaches.
@@ -74,6 +79,7 @@ impl Carry {
     /// Carves to the end, whatever it costs.
     pub fn finish(&mut self, bone: &Bone, cut: &mut Cut, tools: &[Tool]) {
         self.grant(i64::MAX);
+        self.undo(cut);
         self.go_on(bone, cut, tools);
         self.grant(0);
     }

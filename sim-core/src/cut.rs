@@ -7,6 +7,8 @@
     reason = "there are fewer than 2^32 chunks, a voxel index is below 4096"
 )]
 
+mod journal;
+
 use crate::aligned::Aligned;
 use crate::bone::{Bone, LineMasks, Occupancy};
 use crate::carve::{Placed, Plans};
@@ -16,6 +18,8 @@ use crate::grid::{
 };
 use crate::tissue::TISSUES;
 use glam::DVec3;
+use journal::Journal;
+pub use journal::{JOURNAL_BRICKS, MAX_CHECKPOINTS, journal_bricks};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 /// Most tools of one session.
@@ -52,6 +56,12 @@ impl Totals {
         self.by_label.fill(0);
     }
 
+    fn copy_from(&mut self, other: &Self) {
+        self.by_class = other.by_class;
+        self.by_tool = other.by_tool;
+        self.by_label.copy_from_slice(&*other.by_label);
+    }
+
     /// All units removed.
     pub fn units(&self) -> i64 {
         self.by_class.iter().sum()
@@ -61,9 +71,9 @@ impl Totals {
 /// What two holders of the same cut compare.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CutDigest {
-    /// Counts resets.
+    /// Counts resets and undos.
     pub epoch: u32,
-    /// Carved sub-steps since the last reset.
+    /// Carved sub-steps since the last reset, less those that were undone.
     pub revision: u64,
     /// XXH3 over (epoch, revision, chunk coordinate, cut values) of all changed chunks in the
     /// order of their index.
@@ -87,6 +97,7 @@ pub struct Cut {
     // what carving keeps from step to step
     pub(crate) plans: Plans,
     values: Aligned<i16>,
+    journal: Journal,
     pub(crate) totals: Totals,
 }
 
@@ -96,13 +107,23 @@ pub(crate) struct OpenChunk<'a> {
     touched: &'a mut u64,
     emptied: &'a mut u64,
     emptied_lines: &'a mut LineMasks,
+    journal: &'a mut Journal,
+    chunk: usize,
 }
 
 impl<'a> OpenChunk<'a> {
-    /// The values of a brick; clears it where this epoch has not touched it.
+    /// The values of a brick; clears it where this epoch has not touched it, and saves it where a
+    /// checkpoint needs it.
     pub(crate) fn brick(&mut self, brick: usize) -> &mut [i16] {
         let values = &mut self.values[brick * BRICK_VOXELS..(brick + 1) * BRICK_VOXELS];
-        if *self.touched >> brick & 1 == 0 {
+        let touched = *self.touched >> brick & 1 == 1;
+        if self.journal.wants(self.chunk, brick) {
+            let emptied = *self.emptied >> brick & 1 == 1;
+            let what = (self.emptied_lines[brick], emptied);
+            let old = touched.then_some(&*values);
+            self.journal.save((self.chunk, brick), what, old);
+        }
+        if !touched {
             values.fill(UNCUT);
             *self.touched |= 1 << brick;
         }
@@ -155,16 +176,23 @@ impl Cut {
             last_stamp: None,
             plans: Plans::new(bone.chunk_count()),
             values: Aligned::filled(UNCUT, bone.chunk_count() * CHUNK_VOXELS),
+            journal: Journal::new(bone.chunk_count(), 0),
             totals: Totals::zero(),
         }
     }
 
-    /// Counts resets.
+    /// Counts resets and undos.
     pub fn epoch(&self) -> u32 {
         self.epoch
     }
 
-    /// Carved sub-steps since the last reset.
+    /// Goes on under another epoch with the values that are here, as a viewer's mirror does after an
+    /// undo.
+    pub fn set_epoch(&mut self, epoch: u32) {
+        self.epoch = epoch;
+    }
+
+    /// Carved sub-steps since the last reset, less those that were undone.
     pub fn revision(&self) -> u64 {
         self.revision
     }
@@ -184,9 +212,10 @@ impl Cut {
         Occupancy::new(grid).mm3(grid, units)
     }
 
-    /// Back to the uncut bone under a new epoch. Constant work per chunk of the bone (144 bytes);
-    /// bricks are cleared when they are next touched.
+    /// Back to the uncut bone under a new epoch, without checkpoints. Constant work per chunk of the
+    /// bone (144 bytes); bricks are cleared when they are next touched.
     pub fn reset(&mut self, epoch: u32) {
+        self.journal.forget();
         self.epoch = epoch;
         self.revision = 0;
         self.touched.fill(0);
@@ -237,7 +266,13 @@ impl Cut {
         (self.touched[chunk] != 0).then(|| self.values_of(chunk, brick))
     }
 
-    fn values_of(&self, chunk: usize, brick: usize) -> &[i16] {
+    /// Bricks (one bit each) that can hold cut values.
+    pub fn touched(&self, chunk: usize) -> u64 {
+        self.touched[chunk]
+    }
+
+    /// The 512 cut values of a brick, whether it was cut or not.
+    pub fn values_of(&self, chunk: usize, brick: usize) -> &[i16] {
         if self.touched[chunk] >> brick & 1 == 0 {
             return &UNTOUCHED;
         }
@@ -266,6 +301,8 @@ impl Cut {
             touched: &mut self.touched[chunk],
             emptied: &mut self.emptied[chunk],
             emptied_lines: &mut self.emptied_lines[chunk],
+            journal: &mut self.journal,
+            chunk,
         };
         (open, &mut self.totals)
     }

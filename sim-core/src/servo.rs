@@ -8,16 +8,19 @@
 
 mod intake;
 mod io;
+mod undo;
 
 pub use crate::carry::TICK_WORK;
 pub use crate::proxy::MAX_SUBSTEPS;
-pub use io::{DeviceScale, Request, Sample, ServoSetup, TickOutput, button};
+pub use io::{
+    CutEvent, CutEvents, DeviceScale, MAX_REQUESTS, Request, Sample, ServoSetup, TickOutput, button,
+};
 
 use crate::bone::Bone;
 use crate::broad::Obb;
 use crate::carry::Carry;
 use crate::chain::{Guard, GuardCounts, OutputChain};
-use crate::cut::{Cut, MAX_TOOLS};
+use crate::cut::{Cut, MAX_TOOLS, journal_bricks};
 use crate::feel::FIELDS;
 use crate::pose::Pose;
 use crate::proxy::{Proxy, Reaction, Surroundings};
@@ -67,6 +70,9 @@ pub struct Servo {
     check_embedded: bool,
     embedded: bool,
     waiting: bool,
+    // a checkpoint waits for the pending step
+    checkpoint_wanted: bool,
+    events: CutEvents,
 }
 
 impl Servo {
@@ -76,7 +82,7 @@ impl Servo {
             return None;
         }
         Some(Self {
-            cut: Cut::new(&setup.bone),
+            cut: Cut::with_journal(&setup.bone, journal_bricks(&setup.bone)),
             carry: Carry::default(),
             chain: OutputChain::new(setup.force_limit_n, &setup.feel),
             intake: Intake::new(setup.device.arm),
@@ -94,6 +100,8 @@ impl Servo {
             check_embedded: true,
             embedded: false,
             waiting: true,
+            checkpoint_wanted: false,
+            events: CutEvents::NONE,
             setup,
         })
     }
@@ -114,7 +122,7 @@ impl Servo {
         self.carry.is_pending()
     }
 
-    /// Carves what is left of a step, whatever it costs: after the last tick, before the digest. Not
+    /// Restores what is left of an undo and carves what is left of a step, whatever it costs: after the last tick, before the digest. Not
     /// for the servo's loop.
     pub fn finish_carving(&mut self) {
         self.carry
@@ -139,20 +147,28 @@ impl Servo {
     }
 
     /// One servo tick. `sample` is the newest one that has not been used yet, `None` where none came.
+    /// Of `requests` the first [`MAX_REQUESTS`] are heard.
     pub fn tick(&mut self, sample: Option<&Sample>, requests: &[Request]) -> TickOutput {
         self.chain.counts.begin_tick();
-        for request in requests {
+        self.events = CutEvents::NONE;
+        for request in requests.iter().take(MAX_REQUESTS) {
             self.request(*request);
         }
-        self.carry.grant(0);
+        // an undo goes on with or without samples, and shares the tick's budget
+        let undoing = self.cut.is_undoing();
+        self.carry.grant(if undoing { TICK_WORK } else { 0 });
+        self.carry.undo(&mut self.cut);
         let accepted = sample.and_then(|s| self.accept(s).map(|v| (s, v)));
         let mut reaction = Reaction::NONE;
         let mut buzz = DVec3::ZERO;
         let force = if let Some((sample, velocity)) = accepted {
             self.missing = 0;
-            self.carry.grant(TICK_WORK);
+            if !undoing {
+                self.carry.grant(TICK_WORK);
+            }
             self.carry
                 .go_on(&self.setup.bone, &mut self.cut, &self.setup.tools);
+            self.take_checkpoint();
             self.press_buttons(sample.buttons);
             self.spin();
             self.pass_gate(sample.docked);
@@ -181,11 +197,12 @@ impl Servo {
                 self.paused = paused;
                 self.start_over();
             }
-            Request::Reset => {
-                self.carry.forget();
-                self.cut.reset(self.cut.epoch().wrapping_add(1));
-                self.start_over();
+            Request::Reset => self.reset(),
+            Request::Checkpoint => {
+                self.checkpoint_wanted = true;
+                self.take_checkpoint();
             }
+            Request::Undo => self.undo(),
             Request::Clutch(hold) => {
                 if hold != self.workspace.is_clutched() {
                     self.workspace.clutch(hold, &stylus);
@@ -295,7 +312,7 @@ impl Servo {
     /// Moves the proxy towards the device and carves.
     fn interact(&mut self) -> Reaction {
         let bone = Arc::clone(&self.setup.bone);
-        let idle = self.paused || self.waiting;
+        let idle = self.paused || self.waiting || self.cut.is_undoing();
         if idle || !self.in_reach(&bone) {
             self.proxy.jump(&self.bone_from_device);
             self.cut_nmm = 0.0;
@@ -449,6 +466,8 @@ impl Servo {
             clutched: self.workspace.is_clutched(),
             fresh,
             epoch: self.cut.epoch(),
+            events: self.events,
+            checkpoints: u8::try_from(self.cut.checkpoints()).unwrap_or(u8::MAX),
             carved: reaction.carved,
             carved_len: reaction.carved_len,
             work: self.carry.spent(),

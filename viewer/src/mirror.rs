@@ -125,6 +125,15 @@ impl Mirror {
             ToViewer::Digest(theirs) => return Ok(Answer::Digest(self.digest(theirs))),
             ToViewer::Health(health) => self.health = Some(*health),
             ToViewer::Reset { epoch } => self.reset(epoch),
+            ToViewer::Undone {
+                epoch,
+                removed_mm3_by_class,
+            } => {
+                self.removed_mm3 = removed_mm3_by_class;
+                if let Some(model) = &mut self.model {
+                    model.cut.set_epoch(epoch);
+                }
+            }
             ToViewer::Bye { reason } => return Ok(Answer::Bye(reason)),
         }
         Ok(Answer::None)

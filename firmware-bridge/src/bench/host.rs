@@ -155,6 +155,7 @@ impl Loop {
             link: Box::new(link),
             records: record_in,
             requests: request_out,
+            recording: None,
             panic_at_tick: None,
         };
         Self {

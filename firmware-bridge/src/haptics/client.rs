@@ -69,6 +69,8 @@ pub(crate) struct Client {
     pub name: String,
     pub dirty: DirtySet,
     reset_to: Option<u32>,
+    // epoch and mm³ by class
+    undone_to: Option<(u32, [f64; 8])>,
     removals: VecDeque<RemovalEvent>,
     asked_digest: bool,
     /// It asked for the clutch and has not let it go.
@@ -105,6 +107,7 @@ impl Client {
             name: "viewer".to_owned(),
             dirty: DirtySet::new(chunks),
             reset_to: None,
+            undone_to: None,
             removals: VecDeque::new(),
             asked_digest: false,
             holds_clutch: false,
@@ -130,6 +133,13 @@ impl Client {
         self.dirty.clear();
         self.removals.clear();
         self.reset_to = Some(epoch);
+        self.undone_to = None;
+    }
+
+    /// The cut is a checkpoint's again: the bricks that differ are marked, the others stay.
+    pub(crate) fn undone(&mut self, epoch: u32, removed_mm3_by_class: [f64; 8]) {
+        self.removals.clear();
+        self.undone_to = Some((epoch, removed_mm3_by_class));
     }
 
     /// Reads what has come, writes what can go. `Err` ends the connection, with the reason.
@@ -306,6 +316,13 @@ impl Client {
         if let Some(epoch) = self.reset_to.take() {
             encode_into(&ToViewer::Reset { epoch }, &mut self.out)?;
         }
+        if let Some((epoch, removed_mm3_by_class)) = self.undone_to.take() {
+            let undone = ToViewer::Undone {
+                epoch,
+                removed_mm3_by_class,
+            };
+            encode_into(&undone, &mut self.out)?;
+        }
         if let Some(pose) = news.pose
             && self.last_pose.elapsed() >= POSE_PERIOD
         {
@@ -340,15 +357,13 @@ impl Client {
         if ids.is_empty() {
             return Ok(());
         }
-        let mut sent = Vec::with_capacity(ids.len());
         let mut values = Vec::with_capacity(ids.len() * 512);
-        for (chunk, brick) in ids {
-            if let Some(brick_values) = mirror.cut.brick(chunk as usize, usize::from(brick)) {
-                values.extend_from_slice(brick_values);
-                sent.push((chunk, brick));
-            }
+        for &(chunk, brick) in &ids {
+            // one that an undo has left uncut is news, too
+            let brick_values = mirror.cut.values_of(chunk as usize, usize::from(brick));
+            values.extend_from_slice(brick_values);
         }
-        let message = pack_bricks(mirror.cut.epoch(), mirror.cut.revision(), sent, &values)?;
+        let message = pack_bricks(mirror.cut.epoch(), mirror.cut.revision(), ids, &values)?;
         encode_into(&ToViewer::Bricks(message), &mut self.out)?;
         Ok(())
     }

@@ -4,11 +4,16 @@
 use super::record::{COPY_VALUES, Record};
 use osteon_sim_core::bone::Bone;
 use osteon_sim_core::carve::{CarveStep, carve};
-use osteon_sim_core::cut::Cut;
+use osteon_sim_core::cut::{Cut, journal_bricks};
 use osteon_sim_core::grid::BRICKS_PER_CHUNK;
 use osteon_sim_core::merge::{CopyPlace, merge};
+use osteon_sim_core::tissue::TISSUES;
 use osteon_sim_core::tool::Tool;
 use std::sync::Arc;
+
+/// Bricks of the journal beyond the servo's: the mirror carves a step whole that the servo may still be
+/// at, and must not give up a checkpoint before the servo does.
+const AHEAD: usize = 8192;
 
 /// The mirror.
 #[derive(Debug)]
@@ -21,7 +26,7 @@ pub(crate) struct Mirror {
 impl Mirror {
     pub(crate) fn new(bone: Arc<Bone>, tools: Vec<Tool>) -> Self {
         Self {
-            cut: Cut::new(&bone),
+            cut: Cut::with_journal(&bone, journal_bricks(&bone) + AHEAD),
             bone,
             tools,
         }
@@ -32,6 +37,15 @@ impl Mirror {
         match record {
             Record::Carved { step, .. } => self.carve(step, changed),
             Record::Reset { epoch } => self.cut.reset(*epoch),
+            Record::Checkpoint { id } => {
+                self.cut.checkpoint_as(*id);
+            }
+            Record::Undone { id, epoch } => {
+                // one that is not here was never told: the digests at the end would show it
+                if !self.cut.undo_to(*id, *epoch, changed) {
+                    self.cut.reset(*epoch);
+                }
+            }
             Record::Brick(copy) => {
                 let place = CopyPlace {
                     chunk: copy.chunk as usize,
@@ -51,6 +65,13 @@ impl Mirror {
                 }
             }
         }
+    }
+
+    /// mm³ removed since the last reset, less what was undone.
+    pub(crate) fn removed_mm3_by_class(&self) -> [f64; TISSUES] {
+        let grid = self.bone.grid();
+        let units = self.cut.totals().by_class;
+        units.map(|units| Cut::mm3(grid, units))
     }
 
     /// Takes over the whole cut of a servo that has stopped while bricks were still owed.

@@ -9,6 +9,7 @@ mod client;
 mod dirty;
 mod loads;
 mod mirror;
+mod notes;
 mod publisher;
 mod reconnect;
 pub(crate) mod record;
@@ -20,7 +21,9 @@ pub(crate) mod session;
 pub mod socket;
 mod stats;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
+
+pub(crate) use publisher::{warn, wire_digest, wire_pose};
 
 pub use loads::{GuardReport, Loads};
 pub use report::SessionReport;
@@ -77,6 +80,10 @@ pub struct HapticsArgs {
     /// Write the gimbal centre of every tick (CSV with tick, state number and x, y, z in mm, base frame)
     #[arg(long, value_name = "FILE")]
     pub pose_log: Option<PathBuf>,
+    /// Record the session: every input of every tick and what came out, as MCAP; 'osteon replay FILE'
+    /// plays it again, 'osteon export FILE' makes tables and volumes. The file must not be there yet
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
     /// End with the process that started this one
     #[arg(long, hide = true)]
     pub die_with_parent: bool,

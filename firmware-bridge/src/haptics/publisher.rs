@@ -122,7 +122,6 @@ impl Publisher {
         });
         match record {
             Record::Carved { tick, step } => {
-                let grid = self.mirror.bone.grid();
                 let event = RemovalEvent {
                     tick: *tick,
                     epoch: self.mirror.cut.epoch(),
@@ -130,12 +129,7 @@ impl Publisher {
                     tool: step.tool,
                     bone_from_tool_before: wire_pose(&step.before),
                     bone_from_tool_after: wire_pose(&step.after),
-                    removed_mm3_by_class: self
-                        .mirror
-                        .cut
-                        .totals()
-                        .by_class
-                        .map(|units| Cut::mm3(grid, units)),
+                    removed_mm3_by_class: self.mirror.removed_mm3_by_class(),
                 };
                 for client in self.clients.iter_mut().filter(|c| c.is_live()) {
                     client.removal(event);
@@ -157,7 +151,13 @@ impl Publisher {
                 self.passages.add(tick);
                 self.log_pose(tick);
             }
-            Record::Brick(_) => {}
+            Record::Undone { epoch, .. } => {
+                let removed = self.mirror.removed_mm3_by_class();
+                for client in &mut self.clients {
+                    client.undone(*epoch, removed);
+                }
+            }
+            Record::Brick(_) | Record::Checkpoint { .. } => {}
         }
     }
 
@@ -262,6 +262,7 @@ impl Publisher {
             motion_scale: felt.motion_scale as f32,
             depth_mm: -tip.z as f32,
             removed_mm3: Cut::mm3(grid, tick.removed_by_class.iter().sum()),
+            checkpoints: tick.checkpoints,
         }
     }
 }
@@ -286,6 +287,8 @@ pub(super) fn forward(
         Command::Clutch(hold) => Request::Clutch(hold),
         Command::MotionScale(milli) => Request::MotionScale(f64::from(milli) / 1000.0),
         Command::TurnWorkspace(milli) => Request::TurnWorkspace(f64::from(milli) / 1000.0),
+        Command::Checkpoint => Request::Checkpoint,
+        Command::Undo => Request::Undo,
     };
     if requests.push(request).is_err() {
         if *dropped == 0 {

@@ -136,6 +136,9 @@ impl Comings {
         self.reconnects += 1;
         thread.link = link;
         thread.servo.reconnect();
+        if let Some(recording) = &mut thread.recording {
+            recording.reconnect();
+        }
         Ok(Left::Back(Box::new(thread), tick))
     }
 }

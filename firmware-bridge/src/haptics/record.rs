@@ -30,6 +30,18 @@ pub(crate) enum Record {
         /// The new epoch.
         epoch: u32,
     },
+    /// The cut was remembered: the mirror does the same.
+    Checkpoint {
+        /// The servo's number of it.
+        id: u32,
+    },
+    /// The cut is a checkpoint's again.
+    Undone {
+        /// The servo's number of it.
+        id: u32,
+        /// The new epoch.
+        epoch: u32,
+    },
     /// A brick's values after carved records were lost to a full ring.
     Brick(BrickCopy),
     /// One tick, after all that was carved in it.
@@ -79,6 +91,8 @@ pub(crate) struct TickRecord {
     pub flags: Flags,
     pub removed_by_class: [i64; TISSUES],
     pub epoch: u32,
+    /// Checkpoints that can be gone back to.
+    pub checkpoints: u8,
     /// Steps that began since the reset: what the mirror carves, the servo's pending one included.
     pub revision: u64,
     pub drive: Option<DriveState>,

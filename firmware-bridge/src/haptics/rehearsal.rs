@@ -197,6 +197,7 @@ pub fn rehearse(ticks: u32, viewer: Viewer) -> Rehearsal {
         records: record_in,
         requests: request_out,
         resync: Resync::new(&scene.bone, tools.clone()),
+        recording: None,
         panic_at_tick: None,
     };
     let (mut beat, mut mirror) = (

@@ -6,6 +6,7 @@ use super::stats::{Quantiles, Stats};
 use crate::feel::in_force;
 use crate::link::LinkStats;
 use crate::passage::Passage;
+use crate::recording::RecordingReport;
 use crate::scene::Scene;
 use osteon_protocol::ipc::Digest;
 use osteon_sim_core::cut::{Cut, CutDigest};
@@ -144,6 +145,8 @@ pub struct SessionReport {
     pub viewer: ViewerReport,
     /// The digests.
     pub digest: DigestReport,
+    /// The recording; `null` where none was asked for.
+    pub recording: Option<RecordingReport>,
     /// Why the session ended.
     pub ended: String,
 }
@@ -168,6 +171,7 @@ pub(crate) struct Facts<'a> {
     pub strayed: usize,
     pub seconds: f64,
     pub realtime_refused: Vec<String>,
+    pub recording: Option<RecordingReport>,
     pub ended: String,
 }
 
@@ -223,6 +227,7 @@ impl SessionReport {
             device: facts.device(),
             viewer: facts.viewer(),
             digest: facts.digest(),
+            recording: facts.recording.clone(),
             ended: facts.ended.clone(),
         }
     }

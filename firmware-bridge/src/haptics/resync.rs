@@ -12,7 +12,8 @@ use super::servo_loop::begun;
 use osteon_sim_core::bone::Bone;
 use osteon_sim_core::broad::{Obb, chunk_range};
 use osteon_sim_core::carve::CarveStep;
-use osteon_sim_core::servo::{Servo, TickOutput};
+use osteon_sim_core::cut::MAX_CHECKPOINTS;
+use osteon_sim_core::servo::{CutEvent, Servo, TickOutput};
 use osteon_sim_core::tool::Tool;
 use rtrb::Producer;
 
@@ -20,6 +21,8 @@ use rtrb::Producer;
 const PARTS_PER_TICK: usize = 16;
 /// Copies leave this many records of the ring to ticks and carved steps.
 const RESERVED: usize = 1024;
+
+const _: () = assert!(MAX_CHECKPOINTS <= 8, "a bit each");
 
 /// Bricks owed to the publisher.
 #[derive(Debug)]
@@ -29,6 +32,8 @@ pub(crate) struct Resync {
     tools: Vec<Tool>,
     behind: bool,
     owed_reset: bool,
+    // checkpoints (one bit each, by number) that the mirror has as the servo has them
+    told: u8,
     // steps carved to their end, from which on the owed bricks are whole
     whole_from: u64,
     next_part: u8,
@@ -44,6 +49,7 @@ impl Resync {
             tools,
             behind: false,
             owed_reset: false,
+            told: 0,
             whole_from: 0,
             next_part: 0,
             cursor: 0,
@@ -70,8 +76,57 @@ impl Resync {
         self.overflows += 1;
     }
 
-    /// A reset makes everything owed worthless.
-    pub(crate) fn forget(&mut self) {
+    /// Tells the publisher what became of the cut as a whole.
+    ///
+    /// The mirror goes back to a checkpoint by itself if it had the whole cut when that was made,
+    /// whatever was lost since. Else it begins anew, and all that is cut is copied.
+    pub(crate) fn follow(
+        &mut self,
+        event: CutEvent,
+        servo: &Servo,
+        records: &mut Producer<Record>,
+    ) {
+        match event {
+            CutEvent::Reset { epoch } => {
+                self.begin_anew(epoch, records);
+            }
+            CutEvent::Checkpoint { id } => {
+                let bit = 1 << (id as usize % MAX_CHECKPOINTS);
+                self.told &= !bit;
+                if self.behind {
+                    return;
+                }
+                if records.push(Record::Checkpoint { id }).is_ok() {
+                    self.told |= bit;
+                } else {
+                    self.overflows += 1;
+                }
+            }
+            CutEvent::Undone { id, epoch } => {
+                let told = self.told >> (id as usize % MAX_CHECKPOINTS) & 1 == 1;
+                if told && records.push(Record::Undone { id, epoch }).is_ok() {
+                    self.forget();
+                    return;
+                }
+                self.begin_anew(epoch, records);
+                for (chunk, owed) in self.owed.iter_mut().enumerate() {
+                    *owed = servo.cut().touched(chunk);
+                }
+                self.behind = true;
+            }
+        }
+    }
+
+    fn begin_anew(&mut self, epoch: u32, records: &mut Producer<Record>) {
+        self.forget();
+        self.told = 0;
+        if records.push(Record::Reset { epoch }).is_err() {
+            self.owe_reset();
+        }
+    }
+
+    /// Makes everything owed worthless.
+    fn forget(&mut self) {
         self.owed.fill(0);
         self.behind = false;
         self.owed_reset = false;
@@ -81,7 +136,7 @@ impl Resync {
     }
 
     /// The reset itself did not fit: it goes first, once there is room.
-    pub(crate) fn owe_reset(&mut self) {
+    fn owe_reset(&mut self) {
         self.overflows += 1;
         self.owed_reset = true;
         self.behind = true;
@@ -116,7 +171,7 @@ impl Resync {
     }
 
     /// Copies at most [`PARTS_PER_TICK`] parts of owed bricks into the ring; none while a step whose
-    /// record was lost is pending. (A pending step that was told is no matter: the mirror carves it. Else
+    /// record was lost is pending or an undo is under way. (A pending step that was told is no matter: the mirror carves it. Else
     /// a tool that cuts more than the budget all the time would never be caught up with.)
     pub(crate) fn copy_some(
         &mut self,
@@ -136,7 +191,7 @@ impl Resync {
             }
             self.owed_reset = false;
         }
-        if servo.cut().revision() < self.whole_from {
+        if servo.cut().revision() < self.whole_from || servo.cut().is_undoing() {
             return;
         }
         for _ in 0..PARTS_PER_TICK {

@@ -6,17 +6,16 @@
 use super::record::{COPY_VALUES, Felt, Record, TickRecord};
 use super::resync::Resync;
 use crate::link::{DeviceLink, LinkError};
+use crate::recording::{Recorded, Tap, link_in_file, outcome, sample_in_file};
 use crate::rt::{now_ns, sleep_until};
 use osteon_protocol::device::{CommandFrame, DriveState, StateFrame, switch};
-use osteon_sim_core::servo::{Request, Sample, Servo, TickOutput};
+use osteon_sim_core::servo::{MAX_REQUESTS, Request, Sample, Servo, TickOutput};
 use rtrb::{Consumer, Producer};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Period of the servo loop, ns.
 pub(crate) const PERIOD_NS: u64 = 1_000_000;
-/// Requests taken over in one tick at most.
-const MAX_REQUESTS: usize = 8;
 /// Device link silent for this long: the session ends, ns.
 const LOST_AFTER_NS: u64 = 1_000_000_000;
 
@@ -47,6 +46,8 @@ pub(crate) struct ServoThread {
     pub records: Producer<Record>,
     pub requests: Consumer<Request>,
     pub resync: Resync,
+    /// To the recorder, where there is one.
+    pub recording: Option<Tap>,
     /// Tick at which to panic: proves the motors' way to zero.
     pub panic_at_tick: Option<u64>,
 }
@@ -265,7 +266,6 @@ pub(crate) fn one_beat(
         beat.watch_arming(state.drive)?;
     }
     let sample = fresh.map(|state| sample_of(&state, beat.command_seq));
-    let epoch_before = thread.servo.cut().epoch();
     let output = thread.servo.tick(sample.as_ref(), &requests[..count]);
     if thread.panic_at_tick == Some(beat.tick) {
         induced_panic();
@@ -299,6 +299,7 @@ pub(crate) fn one_beat(
         },
         removed_by_class: output.removed_by_class,
         epoch: output.epoch,
+        checkpoints: output.checkpoints,
         revision: begun(&thread.servo),
         drive: beat.last_state.map(|s| s.drive),
         trips: beat.last_state.map_or(0, |s| s.trips),
@@ -308,9 +309,40 @@ pub(crate) fn one_beat(
     };
     // what was carved is told even where the command did not go out
     let since = || clock().saturating_sub(started);
-    publish(thread, &output, epoch_before, tick, &since);
+    publish(thread, &output, tick, &since);
+    let input = fresh.zip(sample);
+    record(thread, beat, timing, input, &requests[..count], &output);
     beat.tick += 1;
     sent
+}
+
+/// Hands the tick's inputs, and what came out, to the recorder.
+fn record(
+    thread: &mut ServoThread,
+    beat: &Beat,
+    timing: &Timing,
+    input: Option<(StateFrame, Sample)>,
+    requests: &[Request],
+    output: &TickOutput,
+) {
+    let Some(recording) = &mut thread.recording else {
+        return;
+    };
+    let mut kept = [Request::Reset; MAX_REQUESTS];
+    kept[..requests.len()].copy_from_slice(requests);
+    recording.push(Recorded {
+        tick: beat.tick,
+        started_ns: timing.started,
+        late_ns: timing.late_ns,
+        skipped: timing.skipped,
+        lost: 0,
+        reconnected: false,
+        sample: input.map(|(state, sample)| sample_in_file(&sample, state.seq)),
+        requests: kept,
+        request_count: requests.len(),
+        outcome: outcome(output, &thread.servo),
+        link: link_in_file(beat.last_state.as_ref(), thread.link.stats()),
+    });
 }
 
 fn felt(output: &TickOutput, servo: &Servo) -> Felt {
@@ -407,21 +439,12 @@ fn send(
 fn publish(
     thread: &mut ServoThread,
     output: &TickOutput,
-    epoch_before: u32,
     mut tick: TickRecord,
     since_start: &dyn Fn() -> u64,
 ) {
     let (records, resync, servo) = (&mut thread.records, &mut thread.resync, &thread.servo);
-    if output.epoch != epoch_before {
-        resync.forget();
-        if records
-            .push(Record::Reset {
-                epoch: output.epoch,
-            })
-            .is_err()
-        {
-            resync.owe_reset();
-        }
+    for event in output.events.iter() {
+        resync.follow(event, servo, records);
     }
     for step in &output.carved[..output.carved_len] {
         let record = Record::Carved {

@@ -6,6 +6,7 @@
 
 use super::client::ViewerReport;
 use super::mirror::Mirror;
+use super::notes::Notes;
 use super::publisher::{Publisher, ViewerCounts, warn, wire_digest, wire_pose};
 use super::reconnect::{self, Comings, Left};
 use super::record::RING_RECORDS;
@@ -18,6 +19,7 @@ use crate::feel;
 use crate::link::{self, DeviceLink, DeviceSpec};
 use crate::passage::{Layers, Passages};
 use crate::progress::Progress;
+use crate::recording::{Begun, Blank, RING_TICKS, Recorder, Tap, describe};
 use crate::rt::{self, RtReport};
 use crate::scene::{self, Scene};
 use crate::stop;
@@ -140,6 +142,7 @@ fn with_listener(
 ) -> anyhow::Result<()> {
     let &Session { tools, scene, .. } = session;
     let pose_log = pose_log(args)?;
+    let blank = args.record.as_deref().map(Blank::new).transpose()?;
     if stop.load(Ordering::Relaxed) {
         bail!("asked to end before the session began");
     }
@@ -172,6 +175,7 @@ fn with_listener(
     let resync = Resync::new(&scene.bone, tools.to_vec());
     let master = reconnect::master(args.clock, link.as_ref())?;
     let comings = Comings::new(args, spec, link.as_ref());
+    let (recorder, recording) = recorder(args, session, link.as_ref(), blank)?.unzip();
     link.prepare()?;
     link.start()?;
     let thread = ServoThread {
@@ -180,6 +184,7 @@ fn with_listener(
         link,
         records: record_in,
         requests: request_out,
+        recording,
         panic_at_tick: args.panic_at_tick,
     };
     let running = start(thread, (master, 0), !args.no_realtime)?;
@@ -189,15 +194,20 @@ fn with_listener(
         scene.source,
         scene.bone.chunk_count()
     ));
-    let outcome = go_on(args, stop, &mut publisher, (running, master, comings))?;
-    finish(args, session, publisher, &outcome)
+    let outcome = go_on(
+        args,
+        stop,
+        (&mut publisher, recorder.as_ref()),
+        (running, master, comings),
+    )?;
+    finish(args, session, (publisher, recorder), &outcome)
 }
 
 /// Until somebody wants the end, or the device has gone for good.
 fn go_on(
     args: &HapticsArgs,
     stop: &AtomicBool,
-    publisher: &mut Publisher,
+    (publisher, recorder): (&mut Publisher, Option<&Recorder>),
     (mut running, master, mut comings): (Running, Master, Comings),
 ) -> anyhow::Result<Outcome> {
     let (began, refused) = (running.began, running.refused.clone());
@@ -206,7 +216,7 @@ fn go_on(
         stop.load(Ordering::Relaxed) || args.seconds.is_some_and(long)
     };
     let (finished, asked) = loop {
-        let asked = serve_until_end(&over, publisher, &running);
+        let asked = serve_until_end(&over, (publisher, recorder), &running);
         let finished = running.end()?;
         if asked {
             break (finished, true);
@@ -227,6 +237,29 @@ fn go_on(
     })
 }
 
+/// Starts the recorder that was asked for, and gives the servo's end of its ring.
+fn recorder(
+    args: &HapticsArgs,
+    session: &Session<'_>,
+    link: &dyn DeviceLink,
+    blank: Option<Blank>,
+) -> anyhow::Result<Option<(Recorder, Tap)>> {
+    let Some(blank) = blank else {
+        return Ok(None);
+    };
+    let setup = describe(&Begun {
+        scene_args: &args.scene,
+        tool_args: &args.tools,
+        scene: session.scene,
+        servo: &servo_setup(args, session, link),
+        device: link.info(),
+        link_name: clip(&link.describe()),
+    })?;
+    let (ticks_in, ticks_out) = rtrb::RingBuffer::new(RING_TICKS);
+    let recorder = Recorder::start(blank, setup, ticks_out)?;
+    Ok(Some((recorder, Tap::new(ticks_in))))
+}
+
 fn pose_log(args: &HapticsArgs) -> anyhow::Result<Option<Box<dyn Write + Send>>> {
     let Some(path) = &args.pose_log else {
         return Ok(None);
@@ -245,8 +278,12 @@ fn make_servo(
     session: &Session<'_>,
     link: &dyn DeviceLink,
 ) -> anyhow::Result<Servo> {
+    Servo::new(servo_setup(args, session, link)).ok_or_else(|| anyhow!("no tools, or too many"))
+}
+
+fn servo_setup(args: &HapticsArgs, session: &Session<'_>, link: &dyn DeviceLink) -> ServoSetup {
     let &Session { tools, scene, feel } = session;
-    let setup = ServoSetup {
+    ServoSetup {
         bone: Arc::clone(&scene.bone),
         tools: tools.to_vec(),
         bone_from_base: bone_from_base(&scene.bone_from_plan, scene.bone.lps_from_bone()),
@@ -254,8 +291,7 @@ fn make_servo(
         device: link.info().scale,
         force_limit_n: args.force_limit,
         feel: *feel,
-    };
-    Servo::new(setup).ok_or_else(|| anyhow!("no tools, or too many"))
+    }
 }
 
 fn wire_scene(session: &Session<'_>, force_limit_n: f64) -> osteon_protocol::ipc::Scene {
@@ -317,10 +353,18 @@ fn receive(rights: &Receiver<Vec<String>>) -> anyhow::Result<Vec<String>> {
 }
 
 /// Serves until the servo thread has ended by itself (false), or somebody wants the session's end (true).
-fn serve_until_end(over: &dyn Fn() -> bool, publisher: &mut Publisher, running: &Running) -> bool {
+fn serve_until_end(
+    over: &dyn Fn() -> bool,
+    (publisher, recorder): (&mut Publisher, Option<&Recorder>),
+    running: &Running,
+) -> bool {
+    let mut notes = Notes::default();
     while !running.thread.is_finished() {
         if over() || publisher.visit(None) {
             return true;
+        }
+        if let Some(recorder) = recorder {
+            notes.tell(publisher, recorder);
         }
         std::thread::sleep(VISIT);
     }
@@ -331,7 +375,7 @@ fn serve_until_end(over: &dyn Fn() -> bool, publisher: &mut Publisher, running: 
 fn finish(
     args: &HapticsArgs,
     session: &Session<'_>,
-    mut publisher: Publisher,
+    (mut publisher, recorder): (Publisher, Option<Recorder>),
     outcome: &Outcome,
 ) -> anyhow::Result<()> {
     let &Session { tools, scene, feel } = session;
@@ -354,6 +398,13 @@ fn finish(
     }
     // asked for, even where the device was away
     let failure = ending_text(&finished.ending).filter(|_| !outcome.asked);
+    let ended = failure.clone().unwrap_or_else(|| "as asked".to_owned());
+    let recording = recorder.map(|recorder| {
+        // a tick that panicked has left the cut where no replay can
+        let panicked = matches!(finished.ending, Ending::Panicked(_));
+        let digest = (!panicked).then(|| wire_digest(servo_digest));
+        recorder.finish(publisher.stats.ticks, digest, ended.clone())
+    });
     let report = SessionReport::new(&Facts {
         scene,
         tools,
@@ -376,11 +427,21 @@ fn finish(
             .count(),
         seconds: outcome.seconds,
         realtime_refused: outcome.refused.clone(),
-        ended: failure.clone().unwrap_or_else(|| "as asked".to_owned()),
+        recording,
+        ended,
     });
     goodbye(&mut publisher, &report.ended);
+    conclude(args, &report, failure)
+}
+
+/// Writes the report, and makes an error of what went wrong.
+fn conclude(
+    args: &HapticsArgs,
+    report: &SessionReport,
+    failure: Option<String>,
+) -> anyhow::Result<()> {
     if let Some(path) = &args.json {
-        serde_json::to_writer_pretty(BufWriter::new(create(path)?), &report)
+        serde_json::to_writer_pretty(BufWriter::new(create(path)?), report)
             .with_context(|| format!("{}: cannot write", path.display()))?;
     }
     match failure {

@@ -12,7 +12,6 @@ use crate::scene::{Scene, SceneArgs, load};
 use glam::{DQuat, DVec3};
 use osteon_protocol::device::{CommandFrame, DeviceHello, DriveState, StateFrame};
 use osteon_protocol::ipc::Command;
-use osteon_sim_core::arm::Arm;
 use osteon_sim_core::bone::{Bone, DenseBone};
 use osteon_sim_core::chain::GUARDS;
 use osteon_sim_core::feel::Feel;
@@ -20,13 +19,13 @@ use osteon_sim_core::grid::Grid;
 use osteon_sim_core::omni;
 use osteon_sim_core::pose::Pose;
 use osteon_sim_core::register::bone_from_base;
-use osteon_sim_core::servo::{DeviceScale, Request, Servo, ServoSetup};
+use osteon_sim_core::servo::{Request, Servo, ServoSetup};
 use osteon_sim_core::tissue::{Tissue, hu_of_density};
 use osteon_sim_core::tool::Tool;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::Arc;
 
-const HELLO: DeviceHello = DeviceHello {
+pub(crate) const HELLO: DeviceHello = DeviceHello {
     version: 1,
     schema: 0,
     model: 1,
@@ -127,21 +126,37 @@ fn fine_slab() -> Arc<Bone> {
     Arc::new(Bone::from_dense(grid, Pose::IDENTITY, &dense).expect("a bone"))
 }
 
+/// A servo of the standard tools.
+pub(crate) fn setup_of(
+    bone: &Arc<Bone>,
+    [bone_from_base, bone_from_plan]: [Pose; 2],
+) -> ServoSetup {
+    ServoSetup {
+        bone: Arc::clone(bone),
+        tools: Tool::standard_set(),
+        bone_from_base,
+        bone_from_plan,
+        device: DeviceInfo::omni(&HELLO).scale,
+        force_limit_n: 3.3,
+        feel: Feel::default(),
+    }
+}
+
 /// Servo and publisher's mirror with a ring of `capacity` records between them.
-struct Pair {
-    thread: ServoThread,
+pub(crate) struct Pair {
+    pub(crate) thread: ServoThread,
     beat: Beat,
     records: Consumer<Record>,
-    requests: Producer<Request>,
-    mirror: Mirror,
+    pub(crate) requests: Producer<Request>,
+    pub(crate) mirror: Mirror,
 }
 
 impl Pair {
-    fn new(capacity: usize) -> Self {
+    pub(crate) fn new(capacity: usize) -> Self {
         Self::over_phantom(capacity, slowly)
     }
 
-    fn over_phantom(capacity: usize, height: fn(u16) -> f64) -> Self {
+    pub(crate) fn over_phantom(capacity: usize, height: fn(u16) -> f64) -> Self {
         let args = SceneArgs {
             voxel_mm: Some(1.2),
             ..SceneArgs::default()
@@ -166,22 +181,8 @@ impl Pair {
         height: fn(u16) -> f64,
     ) -> Self {
         let tools = Tool::standard_set();
-        let servo = Servo::new(ServoSetup {
-            bone: Arc::clone(&bone),
-            tools: tools.clone(),
-            bone_from_base,
-            bone_from_plan,
-            device: DeviceScale {
-                arm: Arm::Omni,
-                counts_per_rev: 15_000,
-                gimbal_counts_per_rev: 16_384,
-                dac_max: 2047,
-                nmm_per_count: 0.215,
-            },
-            force_limit_n: 3.3,
-            feel: Feel::default(),
-        })
-        .expect("tools");
+        let setup = setup_of(&bone, [bone_from_base, bone_from_plan]);
+        let servo = Servo::new(setup).expect("tools");
         let (record_in, records) = RingBuffer::new(capacity);
         let (mut requests, request_out) = RingBuffer::new(64);
         requests.push(Request::Spindle(true)).expect("room");
@@ -196,6 +197,7 @@ impl Pair {
                 records: record_in,
                 requests: request_out,
                 resync: Resync::new(&bone, tools.clone()),
+                recording: None,
                 panic_at_tick: None,
             },
             beat: Beat::new(now_ns()),
@@ -203,6 +205,16 @@ impl Pair {
             requests,
             mirror: Mirror::new(bone, tools),
         }
+    }
+
+    /// One tick that begins at `now` ns.
+    pub(crate) fn beat_at(&mut self, now: u64) {
+        let timing = Timing {
+            started: now,
+            late_ns: 0,
+            skipped: 0,
+        };
+        one_beat(&mut self.thread, &mut self.beat, &timing, &|| now).expect("a tick");
     }
 
     fn run(&mut self, ticks: u32) {
@@ -217,7 +229,7 @@ impl Pair {
     }
 
     /// Takes at most `count` records out of the ring.
-    fn drain(&mut self, count: usize) {
+    pub(crate) fn drain(&mut self, count: usize) {
         for _ in 0..count {
             let Ok(record) = self.records.pop() else {
                 return;
@@ -398,3 +410,4 @@ fn a_lost_step_that_is_pending_is_copied_when_it_is_whole() {
 }
 
 mod feel;
+mod undo;

@@ -13,12 +13,15 @@ mod tests;
 mod volume;
 
 pub use error::ImportError;
+#[cfg(test)]
+pub(crate) use nrrd::read as read_nrrd;
 pub use output::hash_file;
+pub(crate) use output::{Kind, PlaneError, VolumeFile};
 pub use summary::Summary;
 
 use crate::progress::Progress;
 use crate::scene::file::{self, LabelsEntry, SceneFile, Surface, VolumeEntry};
-use output::{Draft, Kind};
+use output::Draft;
 use std::path::{Path, PathBuf};
 use volume::{Input, Written};
 

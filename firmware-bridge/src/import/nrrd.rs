@@ -15,7 +15,7 @@ use std::path::Path;
 const MAX_HEADER: usize = 1 << 20;
 
 /// Reads a volume and remarks about it.
-pub(super) fn read(path: &Path) -> Result<(Volume, Vec<String>), ImportError> {
+pub(crate) fn read(path: &Path) -> Result<(Volume, Vec<String>), ImportError> {
     let io = |error| ImportError::Read {
         path: path.to_path_buf(),
         error,

@@ -48,6 +48,9 @@ pub struct DemoArgs {
     /// Size of the offscreen picture, pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720")]
     pub size: String,
+    /// Record the session, see 'osteon haptics --help'
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
     /// Stop and kill the viewer on purpose, for example stop@5:5,kill@12 (seconds)
     #[arg(long, value_name = "SCRIPT", value_parser = disturb::parse)]
     pub disturb_viewer: Option<Disturbance>,

@@ -279,7 +279,11 @@ fn text(report: &Value, args: &DemoArgs) -> String {
     ];
     let more = [figures.resampling(), figures.passages()];
     lines.splice(2..2, more.into_iter().flatten());
-    for (name, file) in [("picture", &args.screenshot), ("json", &args.json)] {
+    for (name, file) in [
+        ("picture", &args.screenshot),
+        ("json", &args.json),
+        ("recording", &args.record),
+    ] {
         if let Some(path) = file.as_ref().filter(|p| p.exists()) {
             lines.push(format!("  {name:<11} {}", path.display()));
         }

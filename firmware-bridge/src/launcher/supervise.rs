@@ -325,6 +325,9 @@ fn haptics_args(args: &DemoArgs, files: &Files) -> Vec<String> {
     if let Some(path) = &args.feel.feel {
         list.extend(["--feel".to_owned(), text(path)]);
     }
+    if let Some(path) = &args.record {
+        list.extend(["--record".to_owned(), text(path)]);
+    }
     list
 }
 

@@ -70,6 +70,7 @@ fn tick(tick: u64, depth: f64, off: f64, force: f64) -> TickRecord {
         flags: Flags::default(),
         removed_by_class: [0; TISSUES],
         epoch: 0,
+        checkpoints: 0,
         revision: 0,
         drive: None,
         trips: 0,

@@ -17,6 +17,7 @@ use osteon_sim_core::bone::{Bone, BoneError};
 use osteon_sim_core::pose::Pose;
 use resample::ResampleError;
 use serde::Serialize;
+use std::borrow::Cow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -213,20 +214,23 @@ pub enum SceneError {
 /// Loads the bone that `args` asks for. `progress` hears a stage's name and the fraction done,
 /// in [0, 1].
 pub fn load(args: &SceneArgs, progress: &mut dyn FnMut(&str, f32)) -> Result<Scene, SceneError> {
-    check_options(args)?;
-    let resolved;
-    let args = match &args.scene {
-        Some(dir) => {
-            progress("checking the scene", 0.0);
-            resolved = file::resolved(dir, args)?;
-            &resolved
-        }
-        None => args,
-    };
+    if args.scene.is_some() {
+        progress("checking the scene", 0.0);
+    }
+    let args = &*resolve(args)?;
     match &args.bone {
         Some(path) => ct::load(args, path, progress),
         None => phantom::load(args, progress),
     }
+}
+
+/// The same options with the files of a scene's folder instead of its name.
+pub(crate) fn resolve(args: &SceneArgs) -> Result<Cow<'_, SceneArgs>, SceneError> {
+    check_options(args)?;
+    Ok(match &args.scene {
+        Some(dir) => Cow::Owned(file::resolved(dir, args)?),
+        None => Cow::Borrowed(args),
+    })
 }
 
 fn check_options(args: &SceneArgs) -> Result<(), SceneError> {

@@ -160,8 +160,9 @@ impl Carving {
     /// Carves a part of a step: goes on from `progress` until `budget` units of work are spent, and
     /// lowers `budget` by what was spent. True where the step is done (it then counts as one revision
     /// of the cut). One unit is one line written (ten where the tool is sampled on a grid), one brick, layer
-    /// of bricks or chunk coordinate looked at; a pose costs 16 more. A chunk is always finished, so the
-    /// budget is overdrawn by 1,177 at most (ten times that for a sampled tool). Any partition of a step
+    /// of bricks or chunk coordinate looked at; a pose costs 16 more,
+    /// a brick that a checkpoint has saved 8. A chunk is always finished, so the budget is overdrawn by
+    /// 1,177 at most (ten times that for a sampled tool), and by 512 for what is saved. Any partition of a step
     /// gives the same cut.
     pub fn carve_some(
         self,

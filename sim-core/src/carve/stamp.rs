@@ -110,6 +110,7 @@ impl Job for Chunks<'_, '_> {
                         (chunk, first),
                     );
                 }
+                *self.stamp.budget -= self.stamp.cut.take_saving_work();
             }
             next += 1;
         }

@@ -72,6 +72,65 @@ pub enum Request {
     MotionScale(f64),
     /// Turns the workspace about the line of sight, rad.
     TurnWorkspace(f64),
+    /// Remember the cut as it is, once no step is pending.
+    Checkpoint,
+    /// Back to the newest checkpoint, which is used up; without one it is ignored.
+    Undo,
+}
+
+/// Requests that a tick hears at most.
+pub const MAX_REQUESTS: usize = 8;
+/// One of each request, and a checkpoint that had to wait.
+const MAX_EVENTS: usize = MAX_REQUESTS + 1;
+
+/// What became of the cut as a whole, before anything was carved in the tick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CutEvent {
+    /// It is the uncut bone's again.
+    Reset {
+        /// The new epoch.
+        epoch: u32,
+    },
+    /// It was remembered.
+    Checkpoint {
+        /// Number of the checkpoint.
+        id: u32,
+    },
+    /// It is a checkpoint's again; the bricks may follow in later ticks.
+    Undone {
+        /// Number of the checkpoint.
+        id: u32,
+        /// The new epoch.
+        epoch: u32,
+    },
+}
+
+/// The events of a tick, in their order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CutEvents {
+    list: [CutEvent; MAX_EVENTS],
+    len: usize,
+}
+
+impl CutEvents {
+    /// None.
+    pub const NONE: Self = Self {
+        list: [CutEvent::Reset { epoch: 0 }; MAX_EVENTS],
+        len: 0,
+    };
+
+    /// Adds one; there is room for those of a tick.
+    pub(super) fn push(&mut self, event: CutEvent) {
+        if let Some(place) = self.list.get_mut(self.len) {
+            *place = event;
+            self.len += 1;
+        }
+    }
+
+    /// All of them.
+    pub fn iter(&self) -> impl Iterator<Item = CutEvent> {
+        self.list[..self.len].iter().copied()
+    }
 }
 
 /// What one tick made.
@@ -129,8 +188,12 @@ pub struct TickOutput {
     pub clutched: bool,
     /// Whether this tick had a fresh, plausible sample.
     pub fresh: bool,
-    /// Counts resets.
+    /// Counts resets and undos.
     pub epoch: u32,
+    /// What became of the cut as a whole, before `carved`.
+    pub events: CutEvents,
+    /// Checkpoints that can be gone back to.
+    pub checkpoints: u8,
     /// Carved steps in the order in which they began; the first `carved_len` count. The last may be
     /// finished in a later tick ([`crate::servo::Servo::carving`]).
     pub carved: [CarveStep; MAX_SUBSTEPS],

@@ -5,6 +5,7 @@
 //! along −z.
 
 pub mod bvh;
+mod digest;
 pub mod elements;
 pub mod mesh;
 pub mod patches;

@@ -14,6 +14,7 @@
 )]
 
 pub mod brute;
+pub mod motley;
 pub mod random;
 pub mod shapes;
 pub mod surface;

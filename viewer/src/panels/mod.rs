@@ -230,6 +230,8 @@ pub(crate) fn hotkeys(ctx: &egui::Context, status: &Status, clutch: &mut bool) -
             ),
             (Key::P, Wish::Command(Command::Pause(!status.paused()))),
             (Key::R, Wish::Command(Command::Reset)),
+            (Key::K, Wish::Command(Command::Checkpoint)),
+            (Key::U, Wish::Command(Command::Undo)),
             (Key::W, Wish::WholeBone),
             (Key::G, Wish::Glenoid),
             (Key::H, Wish::ToggleTool),

@@ -98,10 +98,12 @@ pub(crate) fn help(ctx: &egui::Context, status: &Status, open: &mut bool) {
         });
 }
 
-const KEYS: [(&str, &str); 14] = [
+const KEYS: [(&str, &str); 16] = [
     ("S", "spindle on or off"),
     ("P", "pause (no force, no cutting) or go on"),
     ("R", "back to the uncut bone"),
+    ("K", "keep the bone as it is now"),
+    ("U", "undo: back to the bone that was kept last"),
     ("C", "hold: the tool waits while the stylus moves freely"),
     ("W", "show the whole bone"),
     ("G", "show the glenoid closely"),

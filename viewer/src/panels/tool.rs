@@ -43,6 +43,12 @@ pub(crate) fn show(ui: &mut egui::Ui, status: &Status, wishes: &mut Vec<Wish>) {
             Command::Pause(!paused),
         );
         button(ui, "R  reset bone", false, Command::Reset);
+        button(ui, "K  keep bone", false, Command::Checkpoint);
+        let kept = status.pose.map_or(0, |p| p.checkpoints);
+        if kept > 0 {
+            let text = format!("U  undo ({kept} kept)");
+            button(ui, &text, false, Command::Undo);
+        }
         button(ui, "stop session", false, Command::Stop);
     });
     if let Some(pose) = status.pose {

@@ -41,6 +41,7 @@ pub(crate) fn pose_at(translation_mm: [f64; 3]) -> PoseUpdate {
         motion_scale: 1.0,
         depth_mm: 2.0,
         removed_mm3: 0.0,
+        checkpoints: 0,
     }
 }
 

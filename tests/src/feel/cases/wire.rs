@@ -174,6 +174,7 @@ fn taken_poses() -> [usize; 2] {
             motion_scale: 1.0,
             depth_mm: 0.0,
             removed_mm3: 0.0,
+            checkpoints: 0,
         };
         let mut bytes = Vec::new();
         if encode_into(&ToViewer::Pose(update), &mut bytes).is_err() {
