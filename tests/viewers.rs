@@ -8,7 +8,9 @@
 
 use interprocess::local_socket::traits::Stream as _;
 use interprocess::local_socket::{GenericFilePath, Stream, ToFsName as _};
-use osteon_protocol::ipc::{Command, Digest, FromViewer, IPC_VERSION, PoseUpdate, Scene, ToViewer};
+use osteon_protocol::ipc::{
+    Command, Digest, FromViewer, IPC_VERSION, Join, PoseUpdate, Role, Scene, ToViewer, capability,
+};
 use osteon_protocol::ipc_frame::{StreamDecoder, encode_into, unpack_bricks, unpack_piece};
 use osteon_sim_core::bone::{Bone, ChunkData};
 use osteon_sim_core::cut::Cut;
@@ -50,6 +52,12 @@ impl Client {
             version: IPC_VERSION,
             name: name.to_owned(),
         });
+        client.say(&FromViewer::Join(Join {
+            role: Role::Trainee,
+            capabilities: capability::ALL,
+            pose_hz: 125,
+            resume: None,
+        }));
         client
     }
 
@@ -398,6 +406,14 @@ fn pose_that(
     }
 }
 
+/// Whether a message says that this viewer is in control.
+fn in_control(message: &ToViewer, number: u16) -> Option<()> {
+    match message {
+        ToViewer::Control(state) if state.holder == Some(number) => Some(()),
+        _ => None,
+    }
+}
+
 #[test]
 fn a_clutch_is_let_go_for_a_viewer_that_has_gone() {
     let _turn = one_at_a_time();
@@ -410,10 +426,25 @@ fn a_clutch_is_let_go_for_a_viewer_that_has_gone() {
     let before = pose(&mut good, &mut mirror);
     assert!(!before.clutched && (before.motion_scale - 1.0).abs() < 1e-6);
     let mut holder = Client::hello(dir, "holder");
+    let holder_number = holder.until(|m| match m {
+        ToViewer::Welcome(welcome) => Some(welcome.number),
+        _ => None,
+    });
+    // a wish of one that is not in control is refused aloud, and changes nothing
+    holder.say(&FromViewer::Command(Command::Clutch(true)));
+    holder.until(|m| matches!(m, ToViewer::Denied { .. }).then_some(()));
+    assert!(!pose(&mut good, &mut mirror).clutched);
+    good.say(&FromViewer::Command(Command::HandOver(holder_number)));
+    holder.until(|m| in_control(m, holder_number));
     holder.say(&FromViewer::Command(Command::Clutch(true)));
     pose_that(&mut good, &mut mirror, |p| p.clutched);
     drop(holder);
     pose_that(&mut good, &mut mirror, |p| !p.clutched);
+    good.say(&FromViewer::Command(Command::AskControl));
+    good.until(|m| {
+        mirror.take(m);
+        in_control(m, 1)
+    });
     // a scale is taken over; one out of its range ends the connection and changes nothing
     good.say(&FromViewer::Command(Command::MotionScale(500)));
     good.say(&FromViewer::Command(Command::TurnWorkspace(-262)));

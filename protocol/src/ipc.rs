@@ -8,6 +8,11 @@ use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
+pub use crate::ipc_join::{
+    ControlState, Join, MAX_FROM_VIEWER, MAX_VIEWERS, POSE_HZ, Resume, Role, ViewerInfo, Welcome,
+    capability,
+};
+
 /// Version of the viewer link.
 pub const IPC_VERSION: u16 = 4;
 
@@ -254,7 +259,8 @@ pub struct Health {
 /// Haptics to viewer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum ToViewer {
-    /// First message.
+    /// First message. Its bytes stay as they are in every future version, so that any viewer can
+    /// name the version of any haptics process.
     Hello {
         /// [`IPC_VERSION`] of the haptics process.
         version: u16,
@@ -296,6 +302,15 @@ pub enum ToViewer {
         /// mm³ removed since the last reset, less what was undone, by tissue class.
         removed_mm3_by_class: [f64; 8],
     },
+    /// Answer to [`FromViewer::Join`].
+    Welcome(Welcome),
+    /// Who is here and who is in control.
+    Control(ControlState),
+    /// A wish was refused; the connection goes on. At most four a second.
+    Denied {
+        /// Why, and what to do.
+        reason: String,
+    },
 }
 
 /// What a person may ask for.
@@ -323,12 +338,18 @@ pub enum Command {
     Checkpoint,
     /// Back to the newest checkpoint, which is used up.
     Undo,
+    /// Asks for control: at once where nobody has it, the one in control has gone or reads nothing,
+    /// or a trainer asks a trainee; else the one in control is told and may hand over.
+    AskControl,
+    /// The one in control gives it to the viewer of this number.
+    HandOver(u16),
 }
 
 /// Viewer to haptics.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum FromViewer {
-    /// First message.
+    /// First message. Its bytes stay as they are in every future version, so that any viewer can be
+    /// refused by name.
     Hello {
         /// [`IPC_VERSION`] of the viewer.
         version: u16,
@@ -348,4 +369,6 @@ pub enum FromViewer {
         /// Times that this viewer started from an empty mirror.
         resyncs: u64,
     },
+    /// Second message: as what the viewer joins.
+    Join(Join),
 }

@@ -21,7 +21,7 @@ pub const MAX_BUFFERED: usize = 2 * (HEADER_BYTES + MAX_PAYLOAD);
 /// Why a message was refused. Final: close the connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum IpcError {
-    /// A payload above [`MAX_PAYLOAD`] is announced, or a message makes one.
+    /// A payload above [`MAX_PAYLOAD`], or above what the receiver takes, is announced or made.
     TooLong,
     /// The CRC does not match.
     Crc,
@@ -38,7 +38,7 @@ pub enum IpcError {
 impl core::fmt::Display for IpcError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
-            Self::TooLong => write!(f, "message of more than {MAX_PAYLOAD} bytes"),
+            Self::TooLong => write!(f, "message of too many bytes"),
             Self::Crc => write!(f, "message with a CRC-32C mismatch"),
             Self::Message => write!(f, "bytes that are no message of this protocol"),
             Self::Range(field) => write!(f, "message whose {field} is out of range"),
@@ -114,22 +114,46 @@ impl postcard::ser_flavors::Flavor for Append<'_> {
 
 /// Cuts a byte stream into messages. Feed it with [`Self::push`], then take messages with
 /// [`Self::next`] until it gives `None`.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct StreamDecoder {
     buffer: Vec<u8>,
     // bytes of `buffer` that are used up; in 0..=buffer.len()
     used: usize,
+    // largest payload
+    most: usize,
     failed: Option<IpcError>,
+}
+
+impl Default for StreamDecoder {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl StreamDecoder {
     /// A decoder at a stream's beginning.
     pub const fn new() -> Self {
+        Self::bounded(MAX_PAYLOAD)
+    }
+
+    /// A decoder that refuses payloads of more than `most` bytes, at most [`MAX_PAYLOAD`].
+    pub const fn bounded(most: usize) -> Self {
         Self {
             buffer: Vec::new(),
             used: 0,
+            most,
             failed: None,
         }
+    }
+
+    /// Bytes that were pushed and are no message yet, or were not asked for.
+    pub fn unread(&self) -> usize {
+        self.buffer.len() - self.used
+    }
+
+    /// Bytes of memory that it holds.
+    pub fn held(&self) -> usize {
+        self.buffer.capacity()
     }
 
     /// Takes bytes of the stream. Holds at most [`MAX_BUFFERED`]; more is an error that
@@ -157,7 +181,7 @@ impl StreamDecoder {
         if let Some(error) = self.failed {
             return Err(error);
         }
-        match next_message(&self.buffer[self.used..]) {
+        match next_message(&self.buffer[self.used..], self.most) {
             Ok(Some((message, length))) => {
                 self.used += length;
                 Ok(Some(message))
@@ -176,12 +200,12 @@ impl StreamDecoder {
 }
 
 /// The first message of `bytes` and its framed length; `None` when it is not whole yet.
-fn next_message<T: Message>(bytes: &[u8]) -> Result<Option<(T, usize)>, IpcError> {
+fn next_message<T: Message>(bytes: &[u8], most: usize) -> Result<Option<(T, usize)>, IpcError> {
     let Some((length, rest)) = bytes.split_first_chunk::<4>() else {
         return Ok(None);
     };
     let length = u32::from_le_bytes(*length) as usize;
-    if length > MAX_PAYLOAD {
+    if length > most.min(MAX_PAYLOAD) {
         return Err(IpcError::TooLong);
     }
     let Some((crc, rest)) = rest.split_first_chunk::<4>() else {

@@ -1,9 +1,9 @@
 //! The documented ranges of the viewer messages, checked after decoding.
 
 use crate::ipc::{
-    Bricks, Command, FromViewer, Health, MAX_BRICKS, MAX_CHECKPOINTS, MAX_GUARDS,
-    MOTION_SCALE_MILLI, PoseUpdate, RemovalEvent, Scene, TURN_MILLIRAD, ToViewer, ToolInfo,
-    WirePose,
+    Bricks, Command, ControlState, FromViewer, Health, MAX_BRICKS, MAX_CHECKPOINTS, MAX_GUARDS,
+    MAX_VIEWERS, MOTION_SCALE_MILLI, POSE_HZ, PoseUpdate, RemovalEvent, Scene, TURN_MILLIRAD,
+    ToViewer, ToolInfo, WirePose,
 };
 use crate::ipc_frame::{IpcError, Message};
 
@@ -38,11 +38,15 @@ impl Message for ToViewer {
     fn validate(&self) -> Result<(), IpcError> {
         match self {
             Self::Hello { .. } | Self::Digest(_) | Self::Reset { .. } => Ok(()),
+            Self::Welcome(welcome) => viewer_number(welcome.number),
+            Self::Control(state) => check_control(state),
             Self::Undone {
                 removed_mm3_by_class,
                 ..
             } => volumes(removed_mm3_by_class),
-            Self::Refused { reason } | Self::Bye { reason } => text(reason, MAX_TEXT, "reason"),
+            Self::Refused { reason } | Self::Bye { reason } | Self::Denied { reason } => {
+                text(reason, MAX_TEXT, "reason")
+            }
             Self::Scene(scene) => check_scene(scene),
             Self::BonePiece(piece) => {
                 let inside = piece.coord.iter().all(|&c| u32::from(c) < MAX_DIM / CHUNK);
@@ -62,6 +66,7 @@ impl Message for FromViewer {
             Self::Hello { name, .. } => text(name, MAX_NAME, "viewer name"),
             Self::Command(command) => command.validate(),
             Self::Digest { .. } => Ok(()),
+            Self::Join(join) => ensure(POSE_HZ.contains(&join.pose_hz), "pose rate"),
         }
     }
 }
@@ -81,7 +86,9 @@ impl Command {
             | Self::Stop
             | Self::Clutch(_)
             | Self::Checkpoint
-            | Self::Undo => Ok(()),
+            | Self::Undo
+            | Self::AskControl => Ok(()),
+            Self::HandOver(number) => viewer_number(number),
         }
     }
 }
@@ -100,6 +107,22 @@ fn text(text: &str, most: usize, field: &'static str) -> Result<(), IpcError> {
 
 fn tool_index(tool: u8) -> Result<(), IpcError> {
     ensure(usize::from(tool) < MAX_TOOLS, "tool index")
+}
+
+fn viewer_number(number: u16) -> Result<(), IpcError> {
+    ensure(number > 0, "viewer number")
+}
+
+fn check_control(state: &ControlState) -> Result<(), IpcError> {
+    ensure(state.viewers.len() <= MAX_VIEWERS, "number of viewers")?;
+    for number in [state.holder, state.asking].into_iter().flatten() {
+        viewer_number(number)?;
+    }
+    for viewer in &state.viewers {
+        viewer_number(viewer.number)?;
+        text(&viewer.name, MAX_NAME, "viewer name")?;
+    }
+    Ok(())
 }
 
 fn pose(pose: &WirePose, field: &'static str) -> Result<(), IpcError> {

@@ -26,6 +26,8 @@ pub mod ipc;
 #[cfg(feature = "std")]
 pub mod ipc_frame;
 #[cfg(feature = "std")]
+mod ipc_join;
+#[cfg(feature = "std")]
 mod ipc_pack;
 #[cfg(feature = "std")]
 mod ipc_valid;

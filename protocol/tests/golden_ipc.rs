@@ -6,8 +6,9 @@
 )]
 
 use osteon_protocol::ipc::{
-    BonePiece, Bricks, Command, Digest, FromViewer, GuardCount, Health, IPC_VERSION, PoseUpdate,
-    RemovalEvent, Scene, ToViewer, ToolInfo, WirePose,
+    BonePiece, Bricks, Command, ControlState, Digest, FromViewer, GuardCount, Health, IPC_VERSION,
+    Join, PoseUpdate, RemovalEvent, Resume, Role, Scene, ToViewer, ToolInfo, ViewerInfo, Welcome,
+    WirePose, capability,
 };
 use osteon_protocol::ipc_frame::{HEADER_BYTES, Message, StreamDecoder, encode_into};
 use std::fmt::Debug;
@@ -73,12 +74,34 @@ fn whole_frames_are_the_written_ones() {
     framed.clear();
     encode_into(&ToViewer::Hello { version: 4 }, &mut framed).unwrap();
     assert_eq!(framed, [2, 0, 0, 0, 0xCD, 0xE0, 0xFB, 0x36, 0, 4]);
+    framed.clear();
+    let join = Join {
+        role: Role::Trainer,
+        capabilities: capability::ALL,
+        pose_hz: 60,
+        resume: None,
+    };
+    encode_into(&FromViewer::Join(join), &mut framed).unwrap();
+    assert_eq!(
+        framed,
+        [
+            0x05, 0x00, 0x00, 0x00, 0xB8, 0xFB, 0xD7, 0x7F, 0x03, 0x01, 0x1F, 0x3C, 0x00
+        ]
+    );
+    framed.clear();
+    encode_into(&FromViewer::Command(Command::AskControl), &mut framed).unwrap();
+    assert_eq!(
+        framed,
+        [0x02, 0x00, 0x00, 0x00, 0x9D, 0xC7, 0x21, 0x89, 0x01, 0x0A]
+    );
     let document = include_str!("../../WIRE.md");
     for shown in [
         "`07 00 00 00 ad da 49 27 00 04 04 74 65 73 74`",
         "`02 00 00 00 cd e0 fb 36 00 04`",
         "`03 00 00 00 07 b2 4e 37 01 00 01`",
         "`04 00 00 00 4b d3 95 35 01 06 dc 0b`",
+        "`05 00 00 00 b8 fb d7 7f 03 01 1f 3c 00`",
+        "`02 00 00 00 9d c7 21 89 01 0a`",
     ] {
         assert!(document.contains(shown), "not in WIRE.md: {shown}");
     }
@@ -352,4 +375,74 @@ fn viewer_hello_and_commands() {
     holds(&turn(-262), &[&[1, 7, 0x8B, 0x04]]);
     holds(&FromViewer::Command(Command::Checkpoint), &[&[1, 8]]);
     holds(&FromViewer::Command(Command::Undo), &[&[1, 9]]);
+}
+
+#[test]
+fn joining_and_resuming() {
+    let mut join = Join {
+        role: Role::Projector,
+        capabilities: 300,
+        pose_hz: 1,
+        resume: None,
+    };
+    holds(
+        &FromViewer::Join(join),
+        &[&[3], &[2], &[0xAC, 0x02], &[1], &[0]],
+    );
+    join.role = Role::Trainee;
+    join.resume = Some(Resume {
+        session: 300,
+        seat: u64::MAX,
+        pieces: 128,
+        batches: 1,
+        epoch: 2,
+    });
+    // nine groups of seven one bits, then bit 63
+    let most = [&[0xFF; 9][..], &[0x01]].concat();
+    holds(
+        &FromViewer::Join(join),
+        &[
+            &[3, 0, 0xAC, 0x02, 1, 1],
+            &[0xAC, 0x02],
+            &most,
+            &[0x80, 0x01, 1, 2],
+        ],
+    );
+    let welcome = Welcome {
+        session: 1,
+        seat: u64::MAX,
+        number: 3,
+        granted: 31,
+        resumed: true,
+    };
+    holds(&ToViewer::Welcome(welcome), &[&[12, 1], &most, &[3, 31, 1]]);
+}
+
+#[test]
+fn control() {
+    let viewer = ViewerInfo {
+        number: 3,
+        role: Role::Trainer,
+        present: true,
+        name: "me".into(),
+    };
+    let mut state = ControlState {
+        holder: Some(300),
+        asking: None,
+        viewers: vec![viewer],
+    };
+    let here = [&[1, 3, 1, 1, 2][..], b"me"].concat();
+    holds(
+        &ToViewer::Control(state.clone()),
+        &[&[13], &[1, 0xAC, 0x02], &[0], &here],
+    );
+    state.holder = None;
+    state.asking = Some(2);
+    state.viewers.clear();
+    holds(&ToViewer::Control(state), &[&[13, 0, 1, 2, 0]]);
+    let reason = "no".to_owned();
+    holds(&ToViewer::Denied { reason }, &[&[14, 2], b"no"]);
+    holds(&FromViewer::Command(Command::AskControl), &[&[1, 10]]);
+    let hand_over = Command::HandOver(300);
+    holds(&FromViewer::Command(hand_over), &[&[1, 11, 0xAC, 0x02]]);
 }

@@ -7,8 +7,8 @@
 
 use osteon_protocol::crc32c::crc32c;
 use osteon_protocol::ipc::{
-    BonePiece, Bricks, Command, FromViewer, GuardCount, Health, MAX_BRICKS, MAX_GUARDS,
-    MAX_PAYLOAD, PoseUpdate, RemovalEvent, Scene, ToViewer, ToolInfo, WirePose,
+    BonePiece, Bricks, Command, FromViewer, GuardCount, Health, Join, MAX_BRICKS, MAX_GUARDS,
+    MAX_PAYLOAD, PoseUpdate, RemovalEvent, Role, Scene, ToViewer, ToolInfo, WirePose,
 };
 use osteon_protocol::ipc_frame::{
     HEADER_BYTES, IpcError, MAX_BUFFERED, MAX_TEXT, Message, StreamDecoder, clip, encode_into,
@@ -202,7 +202,7 @@ proptest! {
 
     #[test]
     fn random_payloads_with_a_right_crc_never_panic(
-        tag in 0_u8..12,
+        tag in 0_u8..16,
         rest in prop::collection::vec(any::<u8>(), 0..400),
     ) {
         let payload = [&[tag], rest.as_slice()].concat();
@@ -255,6 +255,20 @@ fn a_list_that_announces_more_than_there_is_is_refused() {
 }
 
 #[test]
+fn a_bounded_decoder_takes_no_longer_message() {
+    let name = "x".repeat(200);
+    let hello = framed(&FromViewer::Hello { version: 1, name });
+    let payload = hello.len() - HEADER_BYTES;
+    let mut decoder = StreamDecoder::bounded(payload);
+    decoder.push(&hello);
+    assert!(decoder.next::<FromViewer>().is_ok_and(|m| m.is_some()));
+    let mut decoder = StreamDecoder::bounded(payload - 1);
+    decoder.push(&hello[..4]);
+    let outcome = decoder.next::<FromViewer>();
+    assert_eq!(outcome, Err(IpcError::TooLong), "before a byte of it comes");
+}
+
+#[test]
 fn an_error_is_final() {
     let mut decoder = StreamDecoder::new();
     let good = framed(&ToViewer::Hello { version: 1 });
@@ -270,7 +284,7 @@ fn an_error_is_final() {
 fn left_over_bytes_are_refused() {
     assert!(decode(&wrap(&[0, 1])).is_ok());
     assert_eq!(decode(&wrap(&[0, 1, 0])), Err(IpcError::Message));
-    assert_eq!(decode(&wrap(&[11])), Err(IpcError::Message));
+    assert_eq!(decode(&wrap(&[15])), Err(IpcError::Message));
     assert_eq!(decode(&wrap(&[])), Err(IpcError::Message));
 }
 
@@ -411,6 +425,16 @@ fn other_messages_out_of_range_are_refused_by_name() {
     refuses("guard name", &ToViewer::Health(Box::new(ill)));
     let name = "x".repeat(201);
     refuses("viewer name", &FromViewer::Hello { version: 1, name });
+    for pose_hz in [0, 251] {
+        let join = Join {
+            role: Role::Trainee,
+            capabilities: u32::MAX,
+            pose_hz,
+            resume: None,
+        };
+        refuses("pose rate", &FromViewer::Join(join));
+    }
+    refuses("viewer number", &FromViewer::Command(Command::HandOver(0)));
     let tool = FromViewer::Command(Command::SelectTool(8));
     refuses("tool index", &tool);
 }

@@ -7,7 +7,7 @@
 
 use crate::adapter::{self, AdapterBrief};
 use crate::cli::ViewArgs;
-use crate::link::{Link, Shared};
+use crate::link::{Joining, Link, Shared};
 use crate::mirror::End;
 use crate::panels::{self, Status, Wish};
 use crate::render::Renderer;
@@ -17,12 +17,15 @@ use crate::session::{Drawn, Manners, Session};
 use anyhow::{Context as _, anyhow};
 use eframe::egui_wgpu;
 use glam::DVec2;
-use osteon_protocol::ipc::Command;
+use osteon_protocol::ipc::{Command, Role};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// How long the last messages may take to leave.
 const FAREWELL: Duration = Duration::from_millis(200);
+
+/// Poses a second that a window wants: more than it draws, for the plots.
+const WINDOW_POSE_HZ: u16 = 125;
 
 /// Opens the window and shows the session in it.
 pub(crate) fn run(
@@ -33,7 +36,13 @@ pub(crate) fn run(
         anyhow::bail!("{problem}");
     }
     let shared = Shared::new();
-    let link = Link::start(&args.socket, "osteon view, window", &shared)?;
+    let joining = Joining {
+        name: "osteon view, window".to_owned(),
+        role: args.role,
+        control: args.role != Role::Projector,
+        pose_hz: WINDOW_POSE_HZ,
+    };
+    let link = Link::start(&args.place(), &joining, &shared)?;
     let outcome: Outcome = Arc::new(Mutex::new(None));
     let (told, app_shared) = (Arc::clone(&outcome), Arc::clone(&shared));
     let options = options(&args);
@@ -176,7 +185,8 @@ impl App {
 
     fn send(&mut self, command: Command) {
         let sent = self.link.as_ref().is_some_and(|l| l.command(command));
-        self.complaint = if sent {
+        let broken = self.session.shared().mirror().broken;
+        self.complaint = if sent && !broken {
             String::new()
         } else {
             "the last command was not sent: the haptics process does not read".to_owned()
@@ -251,7 +261,9 @@ impl App {
         status.software = self.session.adapter.is_cpu;
         status.scale = self.session.scale;
         status.view = self.session.view;
-        status.complaint.clone_from(&self.complaint);
+        if !self.complaint.is_empty() {
+            status.complaint.clone_from(&self.complaint);
+        }
         status
     }
 

@@ -1,6 +1,8 @@
 //! Arguments of `osteon view`.
 
+use crate::link::{Joining, Place};
 use crate::render::method::Kind;
+use osteon_protocol::ipc::Role;
 use std::path::{Path, PathBuf};
 
 /// Shows a session of the haptics process, in a window or in a picture.
@@ -9,6 +11,10 @@ pub struct ViewArgs {
     /// Socket of the haptics process.
     #[arg(long, value_name = "PATH", default_value_os_t = default_socket())]
     pub socket: PathBuf,
+    /// Who sits before this viewer: trainee (works with the stylus), trainer (may take control from a
+    /// trainee), projector (shows, never in control).
+    #[arg(long, value_name = "ROLE", default_value = "trainee", value_parser = parse_role)]
+    pub role: Role,
     /// Open no window; write the last state of the session to this PNG.
     #[arg(long, value_name = "OUT.png")]
     pub offscreen: Option<PathBuf>,
@@ -43,6 +49,29 @@ pub struct ViewArgs {
     /// When to save it, seconds after the bone is complete.
     #[arg(long, hide = true, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds)]
     pub screenshot_after: f64,
+}
+
+impl ViewArgs {
+    /// Where the haptics process is.
+    pub(crate) fn place(&self) -> Place {
+        Place::Socket(self.socket.clone())
+    }
+
+    /// As what a viewer without a window joins: nobody sits before it.
+    pub(crate) fn joining_unattended(&self, name: &str) -> Joining {
+        Joining {
+            name: name.to_owned(),
+            role: self.role,
+            control: false,
+            pose_hz: 30,
+        }
+    }
+}
+
+fn parse_role(text: &str) -> Result<Role, String> {
+    let all = [Role::Trainee, Role::Trainer, Role::Projector];
+    let role = all.into_iter().find(|r| r.name() == text);
+    role.ok_or_else(|| "a role is trainee, trainer or projector".to_owned())
 }
 
 fn default_socket() -> PathBuf {

@@ -1,27 +1,27 @@
-//! The connection to the haptics process: one thread reads, one writes, nobody else waits.
+//! The connection to the haptics process: one thread reads, one writes, nobody else waits. A
+//! connection that breaks is made again, and goes on where it was.
 
-use crate::mirror::{Answer, End, Mirror};
-use interprocess::local_socket::{GenericFilePath, Stream, ToFsName as _, traits::Stream as _};
-use osteon_protocol::ipc::{Command, FromViewer, IPC_VERSION, ToViewer};
-use osteon_protocol::ipc_frame::{StreamDecoder, encode_into};
-use std::io::{ErrorKind, Read as _, Write as _};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+mod reader;
+mod transport;
+
+pub(crate) use transport::Place;
+
+use crate::mirror::{End, Mirror};
+use osteon_protocol::ipc::{Command, FromViewer, IPC_VERSION, Join, Resume, Role, capability};
+use osteon_protocol::ipc_frame::encode_into;
+use reader::Reader;
+use std::path::PathBuf;
+use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+use transport::Out;
 
 /// Messages that may wait to be written.
 const OUTGOING: usize = 64;
-/// Bytes read at once.
-const READ_BYTES: usize = 64 * 1024;
-/// How long a socket may be absent before that is an error: the haptics process may be starting.
-const PATIENCE: Duration = Duration::from_secs(3);
 /// Longest name that the hello carries, bytes.
 const NAME_BYTES: usize = 200;
-/// The haptics process has gone without a word.
-const CLOSED: &str = "was closed without a farewell; look at the haptics process's last lines";
 
 /// Why the link could not be made or has ended.
 #[derive(Debug, thiserror::Error)]
@@ -45,10 +45,10 @@ pub(crate) enum LinkError {
         reason: std::io::Error,
     },
     /// A thread could not be started.
-    #[error("the link to {path} cannot start a thread ({reason}); close other programs")]
+    #[error("the link to {place} cannot start a thread ({reason}); close other programs")]
     Thread {
-        /// The socket.
-        path: PathBuf,
+        /// Where to.
+        place: Place,
         /// Why.
         reason: std::io::Error,
     },
@@ -116,6 +116,49 @@ impl Shared {
     }
 }
 
+/// As what a viewer joins.
+#[derive(Debug, Clone)]
+pub(crate) struct Joining {
+    /// Program and adapter, for people.
+    pub(crate) name: String,
+    /// Who sits before it.
+    pub(crate) role: Role,
+    /// Whether it sends wishes.
+    pub(crate) control: bool,
+    /// Poses a second that it can show.
+    pub(crate) pose_hz: u16,
+}
+
+impl Joining {
+    /// The first two messages of a connection.
+    fn greeting(&self, resume: Option<Resume>) -> Vec<u8> {
+        let name = self.name[..self.name.floor_char_boundary(NAME_BYTES)].to_owned();
+        let hello = FromViewer::Hello {
+            version: IPC_VERSION,
+            name,
+        };
+        let mut capabilities = capability::ALL;
+        if !self.control {
+            capabilities &= !capability::CONTROL;
+        }
+        let join = FromViewer::Join(Join {
+            role: self.role,
+            capabilities,
+            pose_hz: self.pose_hz,
+            resume,
+        });
+        let mut bytes = Vec::new();
+        for message in [hello, join] {
+            // far below the bound
+            encode_into(&message, &mut bytes).unwrap_or(());
+        }
+        bytes
+    }
+}
+
+/// Where the writing thread writes: replaced when the connection is made again.
+type OutSlot = Arc<Mutex<Option<Out>>>;
+
 /// The running link. Dropping it does not end its threads; they end with the connection or the
 /// process.
 #[derive(Debug)]
@@ -125,35 +168,36 @@ pub(crate) struct Link {
 }
 
 impl Link {
-    /// Connects, says hello and begins to fill `shared`'s mirror.
-    pub(crate) fn start(path: &Path, name: &str, shared: &Arc<Shared>) -> Result<Self, LinkError> {
-        let stream = Arc::new(connect(path)?);
-        let out = Arc::clone(&stream);
+    /// Connects, joins and begins to fill `shared`'s mirror.
+    pub(crate) fn start(
+        place: &Place,
+        joining: &Joining,
+        shared: &Arc<Shared>,
+    ) -> Result<Self, LinkError> {
+        let (incoming, mut out) = place.connect()?;
+        // a connection that breaks already is reported by the reader
+        out.write_all(&joining.greeting(None)).unwrap_or(());
+        let slot: OutSlot = Arc::new(Mutex::new(Some(out)));
         let (sender, receiver) = sync_channel(OUTGOING);
         let thread = |reason| LinkError::Thread {
-            path: path.to_owned(),
+            place: place.clone(),
             reason,
         };
+        let writing = Arc::clone(&slot);
         let writer = std::thread::Builder::new()
             .name("link-out".into())
-            .spawn(move || write_all(&out, &receiver))
+            .spawn(move || write_all(&writing, &receiver))
             .map_err(thread)?;
-        let name = name[..name.floor_char_boundary(NAME_BYTES)].to_owned();
-        let hello = FromViewer::Hello {
-            version: IPC_VERSION,
-            name,
-        };
-        // the channel is new and empty
-        drop(sender.try_send(hello));
         let reader = Reader {
-            path: path.to_owned(),
-            stream,
+            place: place.clone(),
+            joining: joining.clone(),
+            slot,
             outgoing: sender.clone(),
             shared: Arc::clone(shared),
         };
         std::thread::Builder::new()
             .name("link-in".into())
-            .spawn(move || reader.run())
+            .spawn(move || reader.run(incoming))
             .map_err(thread)?;
         Ok(Self {
             outgoing: sender,
@@ -177,39 +221,8 @@ impl Link {
     }
 }
 
-fn connect(path: &Path) -> Result<Stream, LinkError> {
-    let until = Instant::now() + PATIENCE;
-    loop {
-        let name = path.to_fs_name::<GenericFilePath>();
-        let name = name.map_err(|reason| LinkError::Name {
-            path: path.to_owned(),
-            reason,
-        })?;
-        match Stream::connect(name) {
-            Ok(stream) => return Ok(stream),
-            Err(e) if starting(&e) && Instant::now() < until => {
-                std::thread::sleep(Duration::from_millis(50));
-            }
-            Err(reason) => {
-                return Err(LinkError::Connect {
-                    path: path.to_owned(),
-                    reason,
-                });
-            }
-        }
-    }
-}
-
-/// Whether an error may go away when the haptics process has come up.
-fn starting(error: &std::io::Error) -> bool {
-    matches!(
-        error.kind(),
-        ErrorKind::NotFound | ErrorKind::ConnectionRefused
-    )
-}
-
-/// Writes messages until all senders are gone or the other side is.
-fn write_all(mut out: &Stream, messages: &Receiver<FromViewer>) {
+/// Writes messages until all senders are gone. What finds no connection is not sent.
+fn write_all(slot: &OutSlot, messages: &Receiver<FromViewer>) {
     let mut bytes = Vec::new();
     while let Ok(message) = messages.recv() {
         bytes.clear();
@@ -217,106 +230,10 @@ fn write_all(mut out: &Stream, messages: &Receiver<FromViewer>) {
         if encode_into(&message, &mut bytes).is_err() {
             continue;
         }
+        let mut out = slot.lock().unwrap_or_else(PoisonError::into_inner);
         // a broken connection is reported by the reader, which sees it too
-        if out.write_all(&bytes).is_err() {
-            return;
+        if out.as_mut().is_some_and(|o| o.write_all(&bytes).is_err()) {
+            *out = None;
         }
-    }
-}
-
-struct Reader {
-    path: PathBuf,
-    stream: Arc<Stream>,
-    outgoing: SyncSender<FromViewer>,
-    shared: Arc<Shared>,
-}
-
-impl Reader {
-    fn run(self) {
-        let end = self.read_until_end();
-        self.shared.finish(end);
-    }
-
-    fn read_until_end(&self) -> End {
-        let mut incoming = &*self.stream;
-        let mut decoder = StreamDecoder::new();
-        let mut bytes = vec![0; READ_BYTES];
-        let mut greeted = false;
-        loop {
-            let count = match incoming.read(&mut bytes) {
-                Ok(0) => return self.failed(CLOSED),
-                Ok(count) => count,
-                Err(e) if e.kind() == ErrorKind::Interrupted => continue,
-                // a peer that dies with our words unread resets the connection
-                Err(e) if e.kind() == ErrorKind::ConnectionReset => return self.failed(CLOSED),
-                Err(e) => {
-                    return self.failed(&format!(
-                        "broke ({e}); look at the haptics process's last lines"
-                    ));
-                }
-            };
-            decoder.push(&bytes[..count]);
-            loop {
-                match decoder.next::<ToViewer>() {
-                    Ok(None) => break,
-                    Ok(Some(message)) => {
-                        if let Some(end) = self.handle(message, &mut greeted) {
-                            return end;
-                        }
-                    }
-                    Err(e) => return self.failed(&format!("carries no osteon messages ({e}); give the socket of a haptics process of this version")),
-                }
-            }
-            self.shared.notify();
-        }
-    }
-
-    fn failed(&self, what: &str) -> End {
-        End::Failed(format!("the connection {} {what}", self.path.display()))
-    }
-
-    fn handle(&self, message: ToViewer, greeted: &mut bool) -> Option<End> {
-        match (&message, *greeted) {
-            (ToViewer::Hello { version }, _) => {
-                if *version != IPC_VERSION {
-                    return Some(self.failed(&format!(
-                        "speaks version {version} of the viewer link, this viewer {IPC_VERSION}; use two programs of the same release"
-                    )));
-                }
-                *greeted = true;
-            }
-            (ToViewer::Refused { .. }, _) | (_, true) => {}
-            (_, false) => {
-                return Some(
-                    self.failed("did not begin with a hello; give the socket of a haptics process"),
-                );
-            }
-        }
-        let taken = self.shared.mirror().take(message);
-        match taken {
-            Ok(Answer::None) => None,
-            Ok(Answer::Digest(digest)) => {
-                self.answer(digest);
-                None
-            }
-            Ok(Answer::Bye(reason)) => Some(End::Bye(reason)),
-            Ok(Answer::Refused(reason)) => Some(self.failed(&format!("was refused: {reason}"))),
-            Err(e) => Some(self.failed(&format!("sent something unusable: {e}"))),
-        }
-    }
-
-    fn answer(&self, digest: osteon_protocol::ipc::Digest) {
-        let (updates, resyncs) = {
-            let mirror = self.shared.mirror();
-            (mirror.updates, mirror.resyncs)
-        };
-        let message = FromViewer::Digest {
-            digest,
-            frames_rendered: self.shared.frames.load(Ordering::Relaxed),
-            updates,
-            resyncs,
-        };
-        // fails only where the writer has ended, and then the reader ends as well
-        drop(self.outgoing.send(message));
     }
 }

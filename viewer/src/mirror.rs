@@ -12,7 +12,8 @@ use crate::bricks::{BrickMap, Dirty, lattice_brick};
 use crate::history::History;
 use glam::{DQuat, DVec3};
 use osteon_protocol::ipc::{
-    BonePiece, Bricks, Digest, Health, PoseUpdate, RemovalEvent, Scene, ToViewer, WirePose,
+    BonePiece, Bricks, ControlState, Digest, Health, PoseUpdate, RemovalEvent, Resume, Scene,
+    ToViewer, Welcome, WirePose, capability,
 };
 use osteon_protocol::ipc_frame::{unpack_bricks, unpack_piece};
 use osteon_sim_core::bone::{Bone, ChunkData};
@@ -95,6 +96,16 @@ pub(crate) struct Mirror {
     pub(crate) revision: u64,
     /// Why there will be no more messages.
     pub(crate) end: Option<End>,
+    /// Who this viewer is to the haptics process.
+    pub(crate) welcome: Option<Welcome>,
+    /// Who is here and who is in control.
+    pub(crate) control: Option<ControlState>,
+    /// Why a wish was refused last, until control changes.
+    pub(crate) denied: Option<String>,
+    /// The connection broke and is being made again.
+    pub(crate) broken: bool,
+    // messages of bricks since the welcome as new
+    batches: u64,
 }
 
 /// What the link has to do after a message.
@@ -135,6 +146,12 @@ impl Mirror {
                 }
             }
             ToViewer::Bye { reason } => return Ok(Answer::Bye(reason)),
+            ToViewer::Welcome(welcome) => self.take_welcome(welcome)?,
+            ToViewer::Control(state) => {
+                self.control = Some(state);
+                self.denied = None;
+            }
+            ToViewer::Denied { reason } => self.denied = Some(reason),
         }
         Ok(Answer::None)
     }
@@ -148,6 +165,41 @@ impl Mirror {
             (None, None) => 0,
         };
         (here, all)
+    }
+
+    fn take_welcome(&mut self, welcome: Welcome) -> Result<(), MirrorError> {
+        let known = self.welcome.is_some_and(|w| w.seat == welcome.seat);
+        if welcome.resumed && !known {
+            return Err(MirrorError::Order(
+                "a seat was resumed that this viewer never had",
+            ));
+        }
+        if !welcome.resumed {
+            self.batches = 0;
+        }
+        self.broken = false;
+        self.welcome = Some(welcome);
+        Ok(())
+    }
+
+    /// What this viewer has, for the seat that it wants back after a break. The seat is used up:
+    /// only a new welcome gives one again.
+    pub(crate) fn resume(&mut self) -> Option<Resume> {
+        if self.broken || self.scene.is_none() {
+            return None;
+        }
+        let welcome = self
+            .welcome
+            .filter(|w| w.granted & capability::RESUME != 0)?;
+        // at most the scene's count
+        let pieces = self.chunks().0 as u32;
+        Some(Resume {
+            session: welcome.session,
+            seat: welcome.seat,
+            pieces,
+            batches: self.batches,
+            epoch: self.model.as_ref().map_or(0, |m| m.cut.epoch()),
+        })
     }
 
     fn begin(&mut self, scene: Scene) -> Result<(), MirrorError> {
@@ -239,6 +291,7 @@ impl Mirror {
                 "a brick update came before the bone was complete",
             ));
         };
+        self.batches += 1;
         if update.epoch < model.cut.epoch() {
             return Ok(());
         }

@@ -30,7 +30,7 @@ pub(crate) fn run(
     let manners = manners(gpu.adapter.is_cpu);
     let shared = Shared::new();
     let name = format!("osteon view, offscreen, {}", gpu.adapter.name);
-    let link = Link::start(&args.socket, &name, &shared)?;
+    let link = Link::start(&args.place(), &args.joining_unattended(&name), &shared)?;
     let renderer = Renderer::new(&gpu.device, &gpu.queue);
     let mut session = Session::new(Arc::clone(&shared), renderer, gpu.adapter, args, manners);
     follow(args, &mut session)?;

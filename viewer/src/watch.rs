@@ -12,7 +12,8 @@ const FAREWELL: Duration = Duration::from_millis(500);
 /// Follows the session to its end.
 pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<()> {
     let shared = Shared::new();
-    let link = Link::start(&args.socket, "osteon view, mirror only", &shared)?;
+    let joining = args.joining_unattended("osteon view, mirror only");
+    let link = Link::start(&args.place(), &joining, &shared)?;
     let until = args
         .seconds
         .map(|s| Instant::now() + Duration::from_secs_f64(s));

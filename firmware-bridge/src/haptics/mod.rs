@@ -5,8 +5,6 @@
 //!                      ◀── ring of requests ──                        ◀── commands ──
 //! ```
 
-mod client;
-mod dirty;
 mod loads;
 mod mirror;
 mod notes;
@@ -22,6 +20,7 @@ pub mod socket;
 mod stats;
 #[cfg(test)]
 pub(crate) mod tests;
+mod viewers;
 
 pub(crate) use publisher::{warn, wire_digest, wire_pose};
 

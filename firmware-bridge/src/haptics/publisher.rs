@@ -5,18 +5,16 @@
     reason = "f64 becomes f32 for the screen"
 )]
 
-use super::client::{Client, LEFT_EARLY, News};
 use super::mirror::Mirror;
 use super::record::{Record, TickRecord};
 use super::socket;
 use super::stats::Stats;
+use super::viewers::{Facts, Viewers};
 use crate::passage::Passages;
 use glam::DVec3;
 use interprocess::local_socket::Listener;
 use osteon_protocol::device::DriveState;
-use osteon_protocol::ipc::{
-    Command, Digest, Health, PoseUpdate, RemovalEvent, Scene, ToViewer, WirePose,
-};
+use osteon_protocol::ipc::{Command, Digest, Health, PoseUpdate, RemovalEvent, Scene, WirePose};
 use osteon_sim_core::cut::{Cut, CutDigest};
 use osteon_sim_core::pose::Pose;
 use osteon_sim_core::servo::Request;
@@ -24,11 +22,14 @@ use rtrb::{Consumer, Producer};
 use std::f64::consts::TAU;
 use std::io::Write;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
-/// Viewers at once.
-const MAX_CLIENTS: usize = 4;
 /// Records taken in one visit.
 const MAX_RECORDS: usize = 8192;
+/// Connections accepted in one visit.
+const MAX_ACCEPTED: usize = 8;
+/// Time between two looks at the quantiles for viewers.
+const HEALTH_PERIOD: Duration = Duration::from_millis(100);
 
 /// The publisher's state.
 pub(crate) struct Publisher {
@@ -42,23 +43,8 @@ pub(crate) struct Publisher {
     pub plan_from_bone: Pose,
     pub link_name: String,
     pub pose_log: Option<Box<dyn Write + Send>>,
-    pub clients: Vec<Client>,
-    pub viewers: ViewerCounts,
-    /// The viewer that held the clutch has gone.
-    pub let_go: bool,
-}
-
-/// What happened to the viewers.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct ViewerCounts {
-    /// Connections that were accepted.
-    pub connected: u64,
-    /// Connections that ended before the session did.
-    pub lost: u64,
-    /// Connections that were refused or dropped for what they sent.
-    pub refused: u64,
-    /// Commands that found the servo's ring full.
-    pub dropped_commands: u64,
+    pub viewers: Viewers,
+    pub health: Option<(Instant, Health)>,
 }
 
 /// A pose as it goes over the wire.
@@ -101,24 +87,19 @@ impl Publisher {
     /// Takes over what the servo still owed when it stopped.
     pub(crate) fn catch_up(&mut self, truth: &Cut) {
         let tool = self.stats.last.map_or(0, |t| t.tool);
-        let clients = &mut self.clients;
-        let reset = truth.epoch() != self.mirror.cut.epoch();
-        for client in clients.iter_mut().filter(|_| reset) {
-            client.reset(truth.epoch());
+        let viewers = &mut self.viewers;
+        if truth.epoch() != self.mirror.cut.epoch() {
+            viewers.reset(truth.epoch());
         }
         self.mirror.catch_up(truth, tool, &mut |chunk, brick| {
-            for client in clients.iter_mut() {
-                client.dirty.mark(chunk, brick);
-            }
+            viewers.mark(chunk, brick);
         });
     }
 
     fn take(&mut self, record: &Record) {
-        let clients = &mut self.clients;
+        let viewers = &mut self.viewers;
         self.mirror.apply(record, &mut |chunk, brick| {
-            for client in clients.iter_mut() {
-                client.dirty.mark(chunk, brick);
-            }
+            viewers.mark(chunk, brick);
         });
         match record {
             Record::Carved { tick, step } => {
@@ -131,14 +112,10 @@ impl Publisher {
                     bone_from_tool_after: wire_pose(&step.after),
                     removed_mm3_by_class: self.mirror.removed_mm3_by_class(),
                 };
-                for client in self.clients.iter_mut().filter(|c| c.is_live()) {
-                    client.removal(event);
-                }
+                self.viewers.removal(&event);
             }
             Record::Reset { epoch } => {
-                for client in &mut self.clients {
-                    client.reset(*epoch);
-                }
+                self.viewers.reset(*epoch);
             }
             Record::Tick(tick) => {
                 let before = self.stats.last.and_then(|t| t.drive);
@@ -153,9 +130,7 @@ impl Publisher {
             }
             Record::Undone { epoch, .. } => {
                 let removed = self.mirror.removed_mm3_by_class();
-                for client in &mut self.clients {
-                    client.undone(*epoch, removed);
-                }
+                self.viewers.undone(*epoch, removed);
             }
             Record::Brick(_) | Record::Checkpoint { .. } => {}
         }
@@ -173,24 +148,12 @@ impl Publisher {
     }
 
     fn accept(&mut self) {
-        while let Some(connection) = socket::accept(&self.listener) {
-            let chunks = self.mirror.bone.chunk_count();
-            let client = connection.and_then(|stream| Client::new(stream, chunks));
-            match client {
-                Ok(mut client) if self.clients.len() >= MAX_CLIENTS => {
-                    self.viewers.refused += 1;
-                    let reason = format!("{MAX_CLIENTS} viewers are connected; close one first");
-                    if let Err(e) = client.say(&ToViewer::Refused { reason }) {
-                        warn(&format!("viewer refused: {e:#}"));
-                    }
-                }
-                Ok(client) => {
-                    self.viewers.connected += 1;
-                    self.clients.push(client);
-                }
-                Err(e) => {
-                    self.viewers.refused += 1;
-                    warn(&format!("{e:#}"));
+        for _ in 0..MAX_ACCEPTED {
+            match socket::accept(&self.listener) {
+                None => return,
+                Some(Ok(stream)) => self.viewers.admit(Box::new(stream)),
+                Some(Err(e)) => {
+                    self.viewers.refuse("a connection:", &format!("{e:#}"));
                     return;
                 }
             }
@@ -198,45 +161,28 @@ impl Publisher {
     }
 
     fn serve(&mut self, final_digest: Option<Digest>) -> bool {
-        let pose = self.stats.last.as_ref().map(|t| self.pose_update(t));
-        let health: Health = self.stats.health(&self.link_name);
-        let news = News {
+        if self.viewers.let_go && self.requests.push(Request::Clutch(false)).is_ok() {
+            self.viewers.let_go = false;
+        }
+        if self
+            .health
+            .as_ref()
+            .is_none_or(|(at, _)| at.elapsed() >= HEALTH_PERIOD)
+        {
+            self.health = Some((Instant::now(), self.stats.health(&self.link_name)));
+        }
+        let wishes = self.viewers.visit(&Facts {
             scene: &self.scene,
             mirror: &self.mirror,
-            pose: pose.as_ref(),
-            health: Some(&health),
+            pose: self.stats.last.as_ref().map(|t| self.pose_update(t)),
+            health: self.health.as_ref().map(|(_, health)| health),
             final_digest,
-        };
-        if self.let_go && self.requests.push(Request::Clutch(false)).is_ok() {
-            self.let_go = false;
-        }
+        });
+        let dropped = &mut self.viewers.counts.dropped_commands;
         let mut stop = false;
-        let mut kept = Vec::with_capacity(self.clients.len());
-        for mut client in self.clients.drain(..) {
-            match client.visit(&news) {
-                Ok(commands) => {
-                    for command in commands {
-                        stop |= forward(
-                            command,
-                            &mut self.requests,
-                            &mut self.viewers.dropped_commands,
-                        );
-                    }
-                    kept.push(client);
-                }
-                Err(e) if e.to_string() == LEFT_EARLY => self.viewers.connected -= 1,
-                Err(e) => {
-                    self.let_go |= client.holds_clutch;
-                    if client.is_live() {
-                        self.viewers.lost += 1;
-                    } else {
-                        self.viewers.refused += 1;
-                    }
-                    warn(&format!("viewer '{}': {e:#}", client.name));
-                }
-            }
+        for command in wishes {
+            stop |= forward(command, &mut self.requests, dropped);
         }
-        self.clients = kept;
         stop
     }
 
@@ -289,6 +235,8 @@ pub(super) fn forward(
         Command::TurnWorkspace(milli) => Request::TurnWorkspace(f64::from(milli) / 1000.0),
         Command::Checkpoint => Request::Checkpoint,
         Command::Undo => Request::Undo,
+        // the viewers' own affair
+        Command::AskControl | Command::HandOver(_) => return false,
     };
     if requests.push(request).is_err() {
         if *dropped == 0 {

@@ -1,8 +1,9 @@
 //! The session report of the haptics process.
 
 use super::loads::{GuardReport, Loads, by_guard};
-use super::publisher::{ViewerCounts, wire_digest};
+use super::publisher::wire_digest;
 use super::stats::{Quantiles, Stats};
+use super::viewers::{ViewerCounts, Viewers};
 use crate::feel::in_force;
 use crate::link::LinkStats;
 use crate::passage::Passage;
@@ -56,12 +57,20 @@ pub struct ViewerReport {
     pub updates: u64,
     /// Times that a viewer began from an empty mirror.
     pub resyncs: u64,
-    /// Connections accepted.
+    /// Viewers that joined, resumed ones included.
     pub connected: u64,
-    /// Connections that ended before the session.
+    /// Of them: came back after a break and went on where they were.
+    pub resumed: u64,
+    /// Connections of viewers that ended before the session.
     pub lost: u64,
-    /// Connections refused.
+    /// Connections refused, or dropped for what they sent.
     pub refused: u64,
+    /// Wishes refused because another viewer was in control.
+    pub denied: u64,
+    /// Most memory held for viewers at one time, bytes.
+    pub peak_bytes: usize,
+    /// What the most viewers at one time could have made of it, whatever they did, bytes.
+    pub bound_bytes: usize,
     /// Commands that came faster than the servo takes them.
     pub dropped_commands: u64,
 }
@@ -166,7 +175,7 @@ pub(crate) struct Facts<'a> {
     pub link: LinkStats,
     pub reconnects: u64,
     pub viewers: ViewerCounts,
-    pub viewer: Option<super::client::ViewerReport>,
+    pub viewer: Option<super::viewers::ViewerReport>,
     /// Viewers whose last digest is not the servo's.
     pub strayed: usize,
     pub seconds: f64,
@@ -258,10 +267,14 @@ impl Facts<'_> {
         ViewerReport {
             frames_rendered: last.map_or(0, |v| v.frames_rendered),
             updates: last.map_or(0, |v| v.updates),
-            resyncs: self.viewers.connected.saturating_sub(self.viewers.refused),
+            resyncs: self.viewers.connected - self.viewers.resumed,
             connected: self.viewers.connected,
+            resumed: self.viewers.resumed,
             lost: self.viewers.lost,
             refused: self.viewers.refused,
+            denied: self.viewers.denied,
+            peak_bytes: self.viewers.peak_bytes,
+            bound_bytes: Viewers::most_held(self.scene.bone.chunk_count(), self.viewers.most),
             dropped_commands: self.viewers.dropped_commands,
         }
     }

@@ -4,16 +4,16 @@
     reason = "grid edges are at most 4096"
 )]
 
-use super::client::ViewerReport;
 use super::mirror::Mirror;
 use super::notes::Notes;
-use super::publisher::{Publisher, ViewerCounts, warn, wire_digest, wire_pose};
+use super::publisher::{Publisher, warn, wire_digest, wire_pose};
 use super::reconnect::{self, Comings, Left};
 use super::record::RING_RECORDS;
 use super::report::{Facts, SessionReport};
 use super::resync::Resync;
 use super::servo_loop::{self, Ending, Finished, Master, ServoThread};
 use super::stats::Stats;
+use super::viewers::{ViewerReport, Viewers};
 use super::{HapticsArgs, default_socket, socket};
 use crate::feel;
 use crate::link::{self, DeviceLink, DeviceSpec};
@@ -25,7 +25,7 @@ use crate::scene::{self, Scene};
 use crate::stop;
 use crate::tools::{self, Detail, LoadedTools};
 use anyhow::{Context as _, anyhow, bail};
-use osteon_protocol::ipc::{Digest, ToViewer, ToolInfo};
+use osteon_protocol::ipc::{Digest, ToolInfo};
 use osteon_protocol::ipc_frame::clip;
 use osteon_sim_core::feel::Feel;
 use osteon_sim_core::grid::Grid;
@@ -168,9 +168,8 @@ fn with_listener(
         plan_from_bone: scene.bone_from_plan.inverse(),
         link_name: link_name.clone(),
         pose_log,
-        clients: Vec::new(),
-        viewers: ViewerCounts::default(),
-        let_go: false,
+        viewers: Viewers::new(scene.bone.chunk_count()),
+        health: None,
     };
     let resync = Resync::new(&scene.bone, tools.to_vec());
     let master = reconnect::master(args.clock, link.as_ref())?;
@@ -417,12 +416,11 @@ fn finish(
         link_name: publisher.link_name.clone(),
         link: comings.gone + finished.thread.link.stats(),
         reconnects: comings.reconnects,
-        viewers: publisher.viewers,
+        viewers: publisher.viewers.counts,
         viewer,
         strayed: publisher
-            .clients
-            .iter()
-            .filter_map(|c| c.report)
+            .viewers
+            .reports()
             .filter(|r| r.digest != wire_digest(servo_digest))
             .count(),
         seconds: outcome.seconds,
@@ -430,7 +428,7 @@ fn finish(
         recording,
         ended,
     });
-    goodbye(&mut publisher, &report.ended);
+    publisher.viewers.farewell(clip(&report.ended));
     conclude(args, &report, failure)
 }
 
@@ -483,23 +481,12 @@ fn last_digests(publisher: &mut Publisher, digest: Digest) -> Option<ViewerRepor
     let began = Instant::now();
     while began.elapsed() < DIGEST_TIMEOUT {
         publisher.visit(Some(digest));
-        if publisher.clients.iter().all(|c| c.report.is_some()) {
+        if publisher.viewers.all_answered() {
             break;
         }
         std::thread::sleep(VISIT);
     }
-    publisher.clients.iter().find_map(|c| c.report)
-}
-
-fn goodbye(publisher: &mut Publisher, reason: &str) {
-    let bye = ToViewer::Bye {
-        reason: clip(reason).to_owned(),
-    };
-    for client in &mut publisher.clients {
-        if let Err(e) = client.say(&bye) {
-            warn(&format!("viewer '{}': {e:#}", client.name));
-        }
-    }
+    publisher.viewers.reports().next()
 }
 
 #[expect(

@@ -89,6 +89,10 @@ pub(crate) fn accept(listener: &Listener) -> Option<anyhow::Result<Stream>> {
 }
 
 fn own(stream: Stream) -> anyhow::Result<Stream> {
+    use interprocess::local_socket::traits::Stream as _;
+    stream
+        .set_nonblocking(true)
+        .context("viewer connection: cannot make it non-blocking")?;
     let credentials = stream
         .peer_creds()
         .context("viewer connection: cannot see whose it is")?;

@@ -46,6 +46,9 @@ fn tinted(text: &str, bad: bool) -> RichText {
 
 fn state(status: &Status) -> RichText {
     let (here, all) = status.chunks;
+    if status.broken {
+        return RichText::new("connection lost, trying again").color(FAILURE);
+    }
     if status.scene.is_none() {
         return RichText::new("waiting for the scene").color(WARNING);
     }

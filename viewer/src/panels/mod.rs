@@ -3,6 +3,7 @@
 
 mod bone;
 mod connection;
+mod control;
 mod guards;
 mod hand;
 pub(crate) mod overlay;
@@ -15,7 +16,7 @@ use crate::history::Point;
 use crate::mirror::Mirror;
 use crate::render::look::ViewChoice;
 use egui::{Color32, FontId, Key, RichText, TextStyle};
-use osteon_protocol::ipc::{Command, Health, PoseUpdate, Scene};
+use osteon_protocol::ipc::{Command, ControlState, Health, PoseUpdate, Scene};
 use osteon_sim_core::tissue::TISSUES;
 use std::sync::Arc;
 
@@ -54,6 +55,12 @@ pub(crate) struct Status {
     pub(crate) view: ViewChoice,
     /// What went wrong with the last wish.
     pub(crate) complaint: String,
+    /// Number of this viewer.
+    pub(crate) number: Option<u16>,
+    /// Who is here and who is in control.
+    pub(crate) control: Option<ControlState>,
+    /// The connection broke and is being made again.
+    pub(crate) broken: bool,
 }
 
 impl Status {
@@ -69,6 +76,10 @@ impl Status {
             points: mirror.history.points().copied().collect(),
             waiting: mirror.model.as_ref().map_or(0, |m| m.dirty.len()),
             updates: mirror.updates,
+            complaint: mirror.denied.clone().unwrap_or_default(),
+            number: mirror.welcome.map(|w| w.number),
+            control: mirror.control.clone(),
+            broken: mirror.broken,
             ..Self::default()
         }
     }
@@ -153,6 +164,7 @@ pub(crate) fn style(ctx: &egui::Context) {
 pub(crate) fn facts(ui: &mut egui::Ui, status: &Status, wishes: &mut Vec<Wish>) {
     egui::ScrollArea::vertical().show(ui, |ui| {
         connection::show(ui, status);
+        control::show(ui, status, wishes);
         tool::show(ui, status, wishes);
         view::show(ui, status, wishes);
         hand::show(ui, status, wishes);

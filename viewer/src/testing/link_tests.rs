@@ -5,9 +5,11 @@ use super::messages::{brick_updates, pose_at, upload, wire};
 use super::server::{Server, Talk};
 use crate::adapter;
 use crate::cli::ViewArgs;
-use crate::link::Shared;
+use crate::link::{Joining, Link, Place, Shared};
 use glam::DVec3;
-use osteon_protocol::ipc::{Command, Digest, FromViewer, IPC_VERSION, ToViewer};
+use osteon_protocol::ipc::{
+    Command, Digest, FromViewer, IPC_VERSION, Role, ToViewer, Welcome, capability,
+};
 use osteon_sim_core::cut::Cut;
 use osteon_sim_core::pose::Pose;
 use std::path::{Path, PathBuf};
@@ -17,6 +19,7 @@ fn args(socket: &Path, out: Option<PathBuf>) -> ViewArgs {
     ViewArgs {
         mirror_only: false,
         socket: socket.to_owned(),
+        role: Role::Trainee,
         report: out.as_ref().map(|o| o.with_extension("json")),
         offscreen: out,
         size: [320, 180],
@@ -49,6 +52,7 @@ fn a_whole_session_offscreen_ends_with_a_picture_equal_digests_and_a_report() {
                     ..
                 }
             ));
+            assert!(matches!(talk.hear(), FromViewer::Join(_)));
             for message in upload(&bone, &plan) {
                 talk.send(&message);
             }
@@ -89,11 +93,22 @@ fn a_whole_session_offscreen_ends_with_a_picture_equal_digests_and_a_report() {
     server.join();
 }
 
+fn start(socket: &Path, shared: &std::sync::Arc<Shared>) -> Result<Link, String> {
+    let joining = Joining {
+        name: "test".to_owned(),
+        role: Role::Trainee,
+        control: true,
+        pose_hz: 60,
+    };
+    let place = Place::Socket(socket.to_owned());
+    Link::start(&place, &joining, shared).map_err(|e| e.to_string())
+}
+
 /// Runs a viewer against a script and returns its error line.
 fn error_of(name: &str, script: impl FnOnce(&mut Talk) + Send + 'static) -> String {
     let server = Server::start(name, Box::new(script));
     let shared = Shared::new();
-    let link = crate::link::Link::start(&server.socket, "test", &shared).unwrap();
+    let link = start(&server.socket, &shared).unwrap();
     shared.wait(Duration::from_secs(20), |m| m.end.is_some());
     let end = shared.mirror().end.clone();
     link.flush(Duration::from_millis(100));
@@ -153,10 +168,7 @@ fn what_is_no_session_is_refused_in_one_line() {
 fn an_absent_socket_is_named_with_the_remedy() {
     let shared = Shared::new();
     let path = Path::new("/nonexistent/osteon.sock");
-    let line = crate::link::Link::start(path, "test", &shared)
-        .err()
-        .map(|e| e.to_string());
-    let line = line.unwrap_or_default();
+    let line = start(path, &shared).err().unwrap_or_default();
     assert!(
         line.contains("/nonexistent/osteon.sock") && line.contains("--socket"),
         "{line}"
@@ -171,6 +183,7 @@ fn commands_arrive_in_order_and_a_stuck_link_does_not_hold_the_caller() {
         Box::new(move |talk| {
             talk.hello();
             assert!(matches!(talk.hear(), FromViewer::Hello { .. }));
+            assert!(matches!(talk.hear(), FromViewer::Join(_)));
             assert_eq!(talk.hear(), FromViewer::Command(Command::SelectTool(1)));
             assert_eq!(talk.hear(), FromViewer::Command(Command::Spindle(true)));
             wait.recv().unwrap();
@@ -178,7 +191,7 @@ fn commands_arrive_in_order_and_a_stuck_link_does_not_hold_the_caller() {
         }),
     );
     let shared = Shared::new();
-    let link = crate::link::Link::start(&server.socket, "test", &shared).unwrap();
+    let link = start(&server.socket, &shared).unwrap();
     assert!(link.command(Command::SelectTool(1)));
     assert!(link.command(Command::Spindle(true)));
     // nobody reads now: socket and channel fill up, and the caller is told at once
@@ -191,5 +204,60 @@ fn commands_arrive_in_order_and_a_stuck_link_does_not_hold_the_caller() {
         shared.mirror().end,
         Some(crate::mirror::End::Bye(_))
     ));
+    server.join();
+}
+
+#[test]
+fn a_broken_connection_is_made_again_and_goes_on_where_it_was() {
+    let (bone, plan) = scapula_like(2.0);
+    let messages = upload(&bone, &plan);
+    let welcome = Welcome {
+        session: 7,
+        seat: 8,
+        number: 1,
+        granted: capability::ALL,
+        resumed: false,
+    };
+    let server = Server::start_for(
+        "again",
+        2,
+        Box::new(move |talk| {
+            talk.hello();
+            assert!(matches!(talk.hear(), FromViewer::Hello { .. }));
+            let FromViewer::Join(join) = talk.hear() else {
+                panic!("no join");
+            };
+            let Some(resume) = join.resume else {
+                talk.send(&ToViewer::Welcome(welcome));
+                for message in &messages[..3] {
+                    talk.send(message);
+                }
+                // gone without a farewell
+                return;
+            };
+            // the scene and two pieces had come
+            assert_eq!((resume.session, resume.seat), (7, 8));
+            assert_eq!((resume.pieces, resume.batches, resume.epoch), (2, 0, 0));
+            talk.send(&ToViewer::Welcome(Welcome {
+                resumed: true,
+                ..welcome
+            }));
+            for message in &messages[3..] {
+                talk.send(message);
+            }
+            talk.bye();
+        }),
+    );
+    let shared = Shared::new();
+    let link = start(&server.socket, &shared).unwrap();
+    shared.wait(Duration::from_secs(20), |m| m.end.is_some());
+    let (here, all) = shared.mirror().chunks();
+    assert!(here == all && all > 3, "{here} of {all}");
+    assert!(matches!(
+        shared.mirror().end,
+        Some(crate::mirror::End::Bye(_))
+    ));
+    assert_eq!(shared.mirror().resyncs, 1, "it never began anew");
+    link.flush(Duration::from_millis(100));
     server.join();
 }

@@ -9,8 +9,10 @@ use std::io::{Read as _, Write as _};
 use std::path::PathBuf;
 use std::thread::JoinHandle;
 
-/// What the thread does after the hello.
+/// What the thread does with a connection.
 pub(crate) type Script = Box<dyn FnOnce(&mut Talk) + Send>;
+/// What the thread does with each of several connections, one after the other.
+pub(crate) type Scripts = Box<dyn FnMut(&mut Talk) + Send>;
 
 pub(crate) struct Server {
     pub(crate) socket: PathBuf,
@@ -27,6 +29,17 @@ pub(crate) struct Talk {
 impl Server {
     /// Listens on a socket of its own for one viewer.
     pub(crate) fn start(name: &str, script: Script) -> Self {
+        let mut script = Some(script);
+        let once: Scripts = Box::new(move |talk| {
+            if let Some(script) = script.take() {
+                script(talk);
+            }
+        });
+        Self::start_for(name, 1, once)
+    }
+
+    /// Listens on a socket of its own for `connections` of one viewer.
+    pub(crate) fn start_for(name: &str, connections: usize, mut script: Scripts) -> Self {
         let folder =
             std::env::temp_dir().join(format!("osteon-viewer-{}-{name}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
@@ -34,11 +47,13 @@ impl Server {
         let path = socket.as_path().to_fs_name::<GenericFilePath>().unwrap();
         let listener: Listener = ListenerOptions::new().name(path).create_sync().unwrap();
         let thread = std::thread::Builder::new().spawn(move || {
-            let stream = listener.accept().unwrap();
-            script(&mut Talk {
-                stream,
-                decoder: StreamDecoder::new(),
-            });
+            for _ in 0..connections {
+                let stream = listener.accept().unwrap();
+                script(&mut Talk {
+                    stream,
+                    decoder: StreamDecoder::new(),
+                });
+            }
         });
         Self {
             socket,

@@ -29,9 +29,14 @@ impl DirtySet {
         self.bits[chunk] |= 1 << brick;
     }
 
-    /// Marks all bricks that have values: what a viewer needs that begins empty.
-    pub(crate) fn mark_chunk(&mut self, chunk: usize) {
-        self.bits[chunk] = u64::MAX;
+    /// Marks bricks of a chunk, one bit each.
+    pub(crate) fn mark_bricks(&mut self, chunk: usize, bricks: u64) {
+        self.bits[chunk] |= bricks;
+    }
+
+    /// Bytes of memory that it holds.
+    pub(crate) fn held(&self) -> usize {
+        8 * self.bits.capacity()
     }
 
     /// Forgets everything: after a reset there is nothing to send.
@@ -71,7 +76,7 @@ mod tests {
     fn every_marked_brick_comes_out_once() {
         let mut set = DirtySet::new(7);
         for chunk in 0..7 {
-            set.mark_chunk(chunk);
+            set.mark_bricks(chunk, u64::MAX);
         }
         set.mark(3, 5);
         let mut seen = std::collections::BTreeSet::new();
