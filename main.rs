@@ -1,7 +1,7 @@
 //! `osteon`: one program, one sub-command for each process and report.
 
 use clap::{Parser, Subcommand};
-use osteon_firmware_bridge::{bench, doctor, fake, haptics, import, launcher};
+use osteon_firmware_bridge::{bench, clinic, doctor, fake, haptics, import, launcher};
 use osteon_tests::report;
 use std::process::ExitCode;
 
@@ -33,6 +33,10 @@ enum Task {
     Bench(bench::BenchArgs),
     /// Make a scene of a lab's own data: a folder of DICOM slices
     Import(import::ImportArgs),
+    /// Choose how a scene's bone is made: threshold, parts, labels, cartilage, density
+    Prepare(clinic::prepare::PrepareArgs),
+    /// Plan a glenoid component in a scene from three landmarks
+    Plan(clinic::plan::PlanArgs),
     /// Say what this machine can do: real-time rights, ports, display, graphics
     Doctor(doctor::DoctorArgs),
     /// Measure, and write a document with its tables and plots
@@ -56,6 +60,8 @@ fn main() -> ExitCode {
         Task::View(args) => osteon_viewer::run(args),
         Task::FakeOmni(args) => fake::run(&args),
         Task::Bench(args) => bench::run(&args),
+        Task::Prepare(args) => clinic::prepare::run(&args),
+        Task::Plan(args) => clinic::plan::run(&args),
         Task::Import(args) => import::run(&args),
         Task::Doctor(args) => doctor::run(&args, screen),
         Task::Report(report) => report::run(&report),

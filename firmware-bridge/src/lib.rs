@@ -2,6 +2,7 @@
 //!
 //! * [`link`]: devices on a cable; [`fake`]: a simulated one as a process of its own.
 //! * [`import`]: a lab's data into a scene; [`scene`]: a bone from a scene, a CT or the built-in phantom; [`tools`]: tools from a file.
+//! * [`clinic`]: plans, and sessions judged by them.
 //! * [`haptics`]: the servo thread, its publisher, its sessions; [`rt`]: what it asks of the system.
 //! * [`mod@bench`]: device, cable and host in lockstep; [`launcher`]: the demonstration; [`doctor`]: what this machine can do; [`stop`]: how a process is asked to
 //!   end.
@@ -11,6 +12,7 @@
 //! reaches it but accepted requests.
 
 pub mod bench;
+pub mod clinic;
 pub mod doctor;
 pub mod fake;
 pub mod feel;

@@ -13,6 +13,7 @@ use super::resync::Resync;
 use super::servo_loop::{self, Ending, Finished, ServoThread};
 use super::stats::Stats;
 use super::{HapticsArgs, default_socket, socket};
+use crate::clinic::guide::Guide;
 use crate::feel;
 use crate::link::{self, DeviceLink, DeviceSpec};
 use crate::passage::{Layers, Passages};
@@ -62,6 +63,7 @@ pub(crate) fn run(args: &HapticsArgs) -> anyhow::Result<()> {
     if args.die_with_parent {
         rt::die_with_parent().context("cannot ask to end with the parent process")?;
     }
+    Guide::check(args.task, args.scene.scene.as_deref())?;
     let stop = stop::on_signals()?;
     let feel = feel::load(&args.feel)?;
     let LoadedTools { tools, notes } = tools::load(&args.tools, Detail::Full)?;
@@ -117,6 +119,7 @@ fn with_listener(
     listener: interprocess::local_socket::Listener,
 ) -> anyhow::Result<()> {
     let &Session { tools, scene, .. } = session;
+    let guide = Guide::new(args.task, args.scene.scene.as_deref(), scene)?;
     let pose_log = pose_log(args)?;
     if stop.load(Ordering::Relaxed) {
         bail!("asked to end before the session began");
@@ -136,6 +139,7 @@ fn with_listener(
             scene.bone_from_plan.inverse(),
             tools.len(),
         ),
+        guide,
         records: record_out,
         requests: request_in,
         listener,

@@ -22,6 +22,8 @@ pub enum Report {
     Faults(faults::FaultsArgs),
     /// Where the host takes the stylus to be, against the plant's truth: at rest, in motion, with potentiometers
     Pose(pose::PoseArgs),
+    /// A session against its plan: HTML, JSON, a table over many sessions
+    Session(osteon_firmware_bridge::clinic::report::SessionArgs),
     /// How still, safe and true the force loop is, with its hard cases and other programs' defects beside it
     Stability(stability::StabilityArgs),
 }
@@ -32,6 +34,7 @@ pub fn run(report: &Report) -> Result<()> {
         Report::Carving(args) => carving::run(args),
         Report::Faults(args) => faults::run(args),
         Report::Pose(args) => pose::run(args),
+        Report::Session(args) => osteon_firmware_bridge::clinic::report::run(args),
         Report::Stability(args) => stability::run(args),
     }
 }
