@@ -31,8 +31,15 @@ fn write_series(dir: &Path) {
     let layer = u64::from(EDGE) * u64::from(EDGE);
     for k in 0..SLICES {
         let mut d = Planted::ct(EDGE, EDGE, [-200.0, -200.0, -300.0 + f64::from(k)]);
-        d.pixels((0..layer).map(|n| pixel(u64::from(k) * layer + n)).collect());
-        d.write(&dir.join(format!("{:04}.dcm", u32::from(k) * 101 % 9973)), Syntax::Explicit);
+        d.pixels(
+            (0..layer)
+                .map(|n| pixel(u64::from(k) * layer + n))
+                .collect(),
+        );
+        d.write(
+            &dir.join(format!("{:04}.dcm", u32::from(k) * 101 % 9973)),
+            Syntax::Explicit,
+        );
     }
 }
 
@@ -40,7 +47,12 @@ fn write_series(dir: &Path) {
 fn peak_bytes(pid: u32) -> Option<u64> {
     let status = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
-    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|k| k * 1024)
+    line.trim()
+        .strip_suffix("kB")?
+        .trim()
+        .parse::<u64>()
+        .ok()
+        .map(|k| k * 1024)
 }
 
 #[test]
@@ -52,7 +64,12 @@ fn a_whole_series_is_imported_within_three_times_its_size() {
     let out = dir.path().join("out");
     let began = Instant::now();
     let mut child = Command::new(OSTEON)
-        .args(["import".as_ref(), input.as_os_str(), "--out".as_ref(), out.as_os_str()])
+        .args([
+            "import".as_ref(),
+            input.as_os_str(),
+            "--out".as_ref(),
+            out.as_os_str(),
+        ])
         .stderr(Stdio::null())
         .spawn()
         .expect("started");
@@ -90,10 +107,21 @@ fn the_reports_of_a_scenario_are_written_and_the_same_again() {
     let report = |name: &str| {
         let out = dir.path().join(name);
         let done = Command::new(OSTEON)
-            .args(["report".as_ref(), "session".as_ref(), "--scripted".as_ref(), "soft".as_ref(), "--out".as_ref(), out.as_os_str()])
+            .args([
+                "report".as_ref(),
+                "session".as_ref(),
+                "--scripted".as_ref(),
+                "soft".as_ref(),
+                "--out".as_ref(),
+                out.as_os_str(),
+            ])
             .output()
             .expect("run");
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        assert!(
+            done.status.success(),
+            "{}",
+            String::from_utf8_lossy(&done.stderr)
+        );
         std::fs::read_to_string(out.join("session.json")).expect("a file")
     };
     let one = report("one");
@@ -105,12 +133,26 @@ fn the_reports_of_a_scenario_are_written_and_the_same_again() {
             assert!(metric.get(field).is_some(), "{metric}");
         }
     }
-    for name in ["version_error", "depth_error", "seating", "force_peak", "sparc", "ldlj"] {
+    for name in [
+        "version_error",
+        "depth_error",
+        "seating",
+        "force_peak",
+        "sparc",
+        "ldlj",
+    ] {
         assert!(metrics.iter().any(|m| m["name"] == name), "{name}");
     }
     let html = std::fs::read_to_string(dir.path().join("one/session.html")).expect("a page");
-    assert!(!html.contains("http://") || html.matches("http://").count() == html.matches("http://www.w3.org/2000/svg").count());
-    assert!(html.contains("not validated") && !html.contains("src="), "self-contained");
+    assert!(
+        !html.contains("http://")
+            || html.matches("http://").count()
+                == html.matches("http://www.w3.org/2000/svg").count()
+    );
+    assert!(
+        html.contains("not validated") && !html.contains("src="),
+        "self-contained"
+    );
     let csv = std::fs::read_to_string(dir.path().join("one/cohort.csv")).expect("a table");
     let rows: Vec<&str> = csv.lines().collect();
     assert_eq!(rows.len(), 2);
@@ -127,13 +169,52 @@ fn bad_input_is_one_line_each() {
     std::fs::write(dir.join("words.txt"), "no numbers here\n").expect("written");
     let path = |name: &str| dir.join(name).display().to_string();
     let (empty, out) = (path("empty"), path("out"));
-    refused(OSTEON, dir, &["import", &empty, "--out", &out], &["no DICOM image among 0 files", &empty]);
-    refused(OSTEON, dir, &["import", &path("missing"), "--out", &out], &["missing", "check the path"]);
-    refused(OSTEON, dir, &["import", &path("words.txt"), "--out", &out], &["words.txt"]);
-    refused(OSTEON, dir, &["demo", "--headless", "--scene", &empty], &["scene.toml", "osteon import"]);
+    refused(
+        OSTEON,
+        dir,
+        &["import", &empty, "--out", &out],
+        &["no DICOM image among 0 files", &empty],
+    );
+    refused(
+        OSTEON,
+        dir,
+        &["import", &path("missing"), "--out", &out],
+        &["missing", "check the path"],
+    );
+    refused(
+        OSTEON,
+        dir,
+        &["import", &path("words.txt"), "--out", &out],
+        &["words.txt"],
+    );
+    refused(
+        OSTEON,
+        dir,
+        &["demo", "--headless", "--scene", &empty],
+        &["scene.toml", "osteon import"],
+    );
     refused(OSTEON, dir, &["haptics", "--task", "exam"], &["--scene"]);
-    refused(OSTEON, dir, &["report", "session", "--scripted", &empty, "--out", &out], &["scene.toml"]);
+    refused(
+        OSTEON,
+        dir,
+        &["report", "session", "--scripted", &empty, "--out", &out],
+        &["scene.toml"],
+    );
     assert!(!dir.join("out").exists(), "nothing half-written");
-    let lines = failed(OSTEON, dir, &["plan", "normal", "--glenoid-centre", "1,2", "--trigonum-spinae", "1,2,3", "--inferior-angle", "1,2,3"], 2);
+    let lines = failed(
+        OSTEON,
+        dir,
+        &[
+            "plan",
+            "normal",
+            "--glenoid-centre",
+            "1,2",
+            "--trigonum-spinae",
+            "1,2,3",
+            "--inferior-angle",
+            "1,2,3",
+        ],
+        2,
+    );
     assert!(lines.contains("three numbers"), "{lines}");
 }

@@ -43,12 +43,12 @@ impl Lab {
         Self::with(
             load(&args, &mut |_, _| {})?,
             Tool::standard_set(),
-            Feel::default(),
+            &Feel::default(),
         )
     }
 
     /// A scene with its tools.
-    pub fn with(scene: Scene, tools: Vec<Tool>, feel: Feel) -> anyhow::Result<Arc<Self>> {
+    pub fn with(scene: Scene, tools: Vec<Tool>, feel: &Feel) -> anyhow::Result<Arc<Self>> {
         let setup = ServoSetup {
             bone: Arc::clone(&scene.bone),
             tools: tools.clone(),
@@ -56,7 +56,7 @@ impl Lab {
             bone_from_plan: scene.bone_from_plan,
             device: DeviceInfo::omni(&DriveConfig::omni(1).hello).scale,
             force_limit_n: 3.3,
-            feel,
+            feel: *feel,
         };
         let servo = Servo::new(setup).ok_or_else(|| anyhow::anyhow!("no tools"))?;
         Ok(Arc::new(Self {

@@ -41,8 +41,11 @@ impl Guide {
             return Ok(None);
         };
         let plan = plan_of(dir)?;
-        let bone_from_component =
-            scene.bone.lps_from_bone().inverse().then(&plan.lps_from_component());
+        let bone_from_component = scene
+            .bone
+            .lps_from_bone()
+            .inverse()
+            .then(&plan.lps_from_component());
         Ok(Some(Self {
             task: Task::new(mode, &plan.component()?, &bone_from_component),
             bone: Arc::clone(&scene.bone),
@@ -53,7 +56,11 @@ impl Guide {
     /// Takes a tick, with the cut as the publisher has it.
     pub(crate) fn tick(&mut self, tick: &TickRecord, cut: &Cut) -> Option<Said> {
         let by_label = &cut.totals().by_label;
-        let units: i64 = self.protected.iter().map(|&l| by_label[usize::from(l)]).sum();
+        let units: i64 = self
+            .protected
+            .iter()
+            .map(|&l| by_label[usize::from(l)])
+            .sum();
         let protected_mm3 = Cut::mm3(self.bone.grid(), units);
         self.task.tick(&trace_tick(&self.bone, tick), protected_mm3)
     }

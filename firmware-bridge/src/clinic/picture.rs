@@ -71,6 +71,7 @@ impl Kind {
 }
 
 /// A section with the planned axis (dashed) and, where there is one, the achieved one.
+#[expect(clippy::too_many_lines, reason = "a drawing from top to bottom")]
 pub(super) fn section(target: &Target, cut: &Cut, plane: Plane, achieved: Option<&Pose>) -> String {
     let (lo, hi) = ([-26.0, -32.0], [26.0, 14.0]);
     let bone = &*target.scene.bone;
@@ -93,13 +94,22 @@ pub(super) fn section(target: &Target, cut: &Cut, plane: Plane, achieved: Option
     let mut svg = open(width, height + 40.0, title);
     let mut z = hi[1];
     while z > lo[1] {
-        runs(lo[0], hi[0], |across| kind(across, z), |from, to, kind| {
-            if kind != Kind::Air {
-                let (x, y) = (x_of(from), y_of(z));
-                let (w, h) = ((to - from) * PER_MM + 0.3, SAMPLE_MM * PER_MM + 0.3);
-                _ = write!(svg, "<rect x='{x:.1}' y='{y:.1}' width='{w:.1}' height='{h:.1}' fill='{}'/>", kind.colour());
-            }
-        });
+        runs(
+            lo[0],
+            hi[0],
+            |across| kind(across, z),
+            |from, to, kind| {
+                if kind != Kind::Air {
+                    let (x, y) = (x_of(from), y_of(z));
+                    let (w, h) = ((to - from) * PER_MM + 0.3, SAMPLE_MM * PER_MM + 0.3);
+                    _ = write!(
+                        svg,
+                        "<rect x='{x:.1}' y='{y:.1}' width='{w:.1}' height='{h:.1}' fill='{}'/>",
+                        kind.colour()
+                    );
+                }
+            },
+        );
         z -= SAMPLE_MM;
     }
     outline(&mut svg, target, plane, &|a, z| (x_of(a), y_of(z)));
@@ -107,21 +117,48 @@ pub(super) fn section(target: &Target, cut: &Cut, plane: Plane, achieved: Option
         let (a, b) = (pose.point(DVec3::Z * 13.0), pose.point(DVec3::Z * -28.0));
         let [x1, y1] = [x_of(plane.across(a)), y_of(a.z)];
         let [x2, y2] = [x_of(plane.across(b)), y_of(b.z)];
-        _ = write!(svg, "<line x1='{x1:.1}' y1='{y1:.1}' x2='{x2:.1}' y2='{y2:.1}' {style}/>");
+        _ = write!(
+            svg,
+            "<line x1='{x1:.1}' y1='{y1:.1}' x2='{x2:.1}' y2='{y2:.1}' {style}/>"
+        );
     };
-    line(&mut svg, &Pose::IDENTITY, "stroke='#205090' stroke-width='1.5' stroke-dasharray='6 4'");
+    line(
+        &mut svg,
+        &Pose::IDENTITY,
+        "stroke='#205090' stroke-width='1.5' stroke-dasharray='6 4'",
+    );
     if let Some(pose) = achieved {
         line(&mut svg, pose, "stroke='#c02010' stroke-width='1.5'");
     }
-    _ = write!(svg, "<line x1='20' y1='{0:.1}' x2='{1:.1}' y2='{0:.1}' stroke='#333' stroke-width='2'/>", height + 12.0, 20.0 + 10.0 * PER_MM);
-    label(&mut svg, 20.0, height + 30.0, &format!("10 mm · to the right: {axis_name} · up: out of the bone"));
+    _ = write!(
+        svg,
+        "<line x1='20' y1='{0:.1}' x2='{1:.1}' y2='{0:.1}' stroke='#333' stroke-width='2'/>",
+        height + 12.0,
+        20.0 + 10.0 * PER_MM
+    );
+    label(
+        &mut svg,
+        20.0,
+        height + 30.0,
+        &format!("10 mm · to the right: {axis_name} · up: out of the bone"),
+    );
     svg + "</svg>"
 }
 
 /// The planned component's back and pegs.
-fn outline(svg: &mut String, target: &Target, plane: Plane, place: &dyn Fn(f64, f64) -> (f64, f64)) {
+fn outline(
+    svg: &mut String,
+    target: &Target,
+    plane: Plane,
+    place: &dyn Fn(f64, f64) -> (f64, f64),
+) {
     let c = &target.component;
-    let half = 0.5 * if plane == Plane::Transverse { c.width_mm } else { c.height_mm };
+    let half = 0.5
+        * if plane == Plane::Transverse {
+            c.width_mm
+        } else {
+            c.height_mm
+        };
     let mut path = String::new();
     for n in -20..=20 {
         let a = half * f64::from(n) / 20.0;
@@ -129,17 +166,36 @@ fn outline(svg: &mut String, target: &Target, plane: Plane, place: &dyn Fn(f64, 
         _ = write!(path, "{}{x:.1} {y:.1}", if n == -20 { "M" } else { "L" });
     }
     for peg in &c.pegs {
-        let (at, r) = (plane.across(DVec3::new(peg.at_mm[0], peg.at_mm[1], 0.0)), 0.5 * peg.diameter_mm);
-        for (n, (a, z)) in [(at - r, 0.0), (at - r, -peg.length_mm), (at + r, -peg.length_mm), (at + r, 0.0)].into_iter().enumerate() {
+        let (at, r) = (
+            plane.across(DVec3::new(peg.at_mm[0], peg.at_mm[1], 0.0)),
+            0.5 * peg.diameter_mm,
+        );
+        for (n, (a, z)) in [
+            (at - r, 0.0),
+            (at - r, -peg.length_mm),
+            (at + r, -peg.length_mm),
+            (at + r, 0.0),
+        ]
+        .into_iter()
+        .enumerate()
+        {
             let (x, y) = place(a, z);
             _ = write!(path, "{}{x:.1} {y:.1}", if n == 0 { "M" } else { "L" });
         }
     }
-    _ = write!(svg, "<path d='{path}' fill='none' stroke='#205090' stroke-width='1.2'/>");
+    _ = write!(
+        svg,
+        "<path d='{path}' fill='none' stroke='#205090' stroke-width='1.2'/>"
+    );
 }
 
 /// Equal neighbours of a row as one run.
-fn runs<T: Copy + PartialEq>(lo: f64, hi: f64, of: impl Fn(f64) -> T, mut draw: impl FnMut(f64, f64, T)) {
+fn runs<T: Copy + PartialEq>(
+    lo: f64,
+    hi: f64,
+    of: impl Fn(f64) -> T,
+    mut draw: impl FnMut(f64, f64, T),
+) {
     let (mut from, mut kind) = (lo, of(lo));
     let mut at = lo;
     while at < hi {
@@ -154,6 +210,7 @@ fn runs<T: Copy + PartialEq>(lo: f64, hi: f64, of: impl Fn(f64) -> T, mut draw: 
 }
 
 /// The carved surface over the planned back, seen from outside: blue stands out, red is too deep.
+#[expect(clippy::too_many_lines, reason = "a drawing from top to bottom")]
 pub(super) fn face_map(target: &Target, cut: &Cut) -> String {
     const HALF_MM: f64 = 20.0;
     const LOOK_MM: f64 = 4.0;
@@ -164,7 +221,9 @@ pub(super) fn face_map(target: &Target, cut: &Cut) -> String {
     // steps of a quarter of a millimetre; None: no bone near
     let level = |x: f64, y: f64| {
         let back = c.back_mm(x.hypot(y));
-        let from = target.bone_from_component.point(DVec3::new(x, y, back + LOOK_MM));
+        let from = target
+            .bone_from_component
+            .point(DVec3::new(x, y, back + LOOK_MM));
         let t = first_surface(&depth, from, inward, 2.0 * LOOK_MM)?;
         #[expect(clippy::cast_possible_truncation, reason = "within ± 16")]
         let level = ((t - LOOK_MM) / 0.25).round() as i32;
@@ -174,23 +233,54 @@ pub(super) fn face_map(target: &Target, cut: &Cut) -> String {
     let mut svg = open(size, size + 40.0, "Carved surface over the planned back");
     let mut y = HALF_MM;
     while y > -HALF_MM {
-        runs(-HALF_MM, HALF_MM, |x| level(x, y), |from, to, level| {
-            if let Some(level) = level {
-                let (px, py) = ((from + HALF_MM) * PER_MM, (HALF_MM - y) * PER_MM);
-                let (w, h) = ((to - from) * PER_MM + 0.3, SAMPLE_MM * PER_MM + 0.3);
-                _ = write!(svg, "<rect x='{px:.1}' y='{py:.1}' width='{w:.1}' height='{h:.1}' fill='{}'/>", diverging(level));
-            }
-        });
+        runs(
+            -HALF_MM,
+            HALF_MM,
+            |x| level(x, y),
+            |from, to, level| {
+                if let Some(level) = level {
+                    let (px, py) = ((from + HALF_MM) * PER_MM, (HALF_MM - y) * PER_MM);
+                    let (w, h) = ((to - from) * PER_MM + 0.3, SAMPLE_MM * PER_MM + 0.3);
+                    _ = write!(
+                        svg,
+                        "<rect x='{px:.1}' y='{py:.1}' width='{w:.1}' height='{h:.1}' fill='{}'/>",
+                        diverging(level)
+                    );
+                }
+            },
+        );
         y -= SAMPLE_MM;
     }
-    let (cx, rx, ry) = (HALF_MM * PER_MM, 0.5 * c.width_mm * PER_MM, 0.5 * c.height_mm * PER_MM);
-    _ = write!(svg, "<ellipse cx='{cx:.1}' cy='{cx:.1}' rx='{rx:.1}' ry='{ry:.1}' fill='none' stroke='#205090' stroke-width='1.5'/>");
+    let (cx, rx, ry) = (
+        HALF_MM * PER_MM,
+        0.5 * c.width_mm * PER_MM,
+        0.5 * c.height_mm * PER_MM,
+    );
+    _ = write!(
+        svg,
+        "<ellipse cx='{cx:.1}' cy='{cx:.1}' rx='{rx:.1}' ry='{ry:.1}' fill='none' stroke='#205090' stroke-width='1.5'/>"
+    );
     for (n, level) in (-8..=8).step_by(4).enumerate() {
         let x = 10.0 + 62.0 * n as f64;
-        _ = write!(svg, "<rect x='{x:.1}' y='{:.1}' width='14' height='14' fill='{}'/>", size + 8.0, diverging(level));
-        label(&mut svg, x + 17.0, size + 20.0, &format!("{:+.0} mm", f64::from(level) * 0.25));
+        _ = write!(
+            svg,
+            "<rect x='{x:.1}' y='{:.1}' width='14' height='14' fill='{}'/>",
+            size + 8.0,
+            diverging(level)
+        );
+        label(
+            &mut svg,
+            x + 17.0,
+            size + 20.0,
+            &format!("{:+.0} mm", f64::from(level) * 0.25),
+        );
     }
-    label(&mut svg, 10.0, size + 36.0, "deeper than planned positive; superior up; outline: the component");
+    label(
+        &mut svg,
+        10.0,
+        size + 36.0,
+        "deeper than planned positive; superior up; outline: the component",
+    );
     svg + "</svg>"
 }
 
@@ -206,6 +296,7 @@ fn diverging(level: i32) -> String {
 }
 
 /// A curve over time with its events.
+#[expect(clippy::too_many_lines, reason = "a drawing from top to bottom")]
 pub(super) fn curve(
     trace: &SessionTrace,
     (title, unit): (&str, &str),
@@ -216,7 +307,11 @@ pub(super) fn curve(
     const SIZE: [f64; 2] = [900.0, 260.0];
     const LEFT: f64 = 60.0;
     const BOTTOM: f64 = 40.0;
-    let end = trace.ticks.last().map_or(1.0, |t| trace.seconds(t.tick)).max(1e-3);
+    let end = trace
+        .ticks
+        .last()
+        .map_or(1.0, |t| trace.seconds(t.tick))
+        .max(1e-3);
     let mut bins: Vec<Option<f64>> = vec![None; BINS];
     for tick in &trace.ticks {
         #[expect(
@@ -236,22 +331,48 @@ pub(super) fn curve(
     let mut svg = open(SIZE[0], SIZE[1], title);
     for n in 0..=4 {
         let v = lo + span * f64::from(n) / 4.0;
-        _ = write!(svg, "<line x1='{LEFT}' y1='{0:.1}' x2='{1}' y2='{0:.1}' stroke='#ddd'/>", y_of(v), SIZE[0] - 10.0);
+        _ = write!(
+            svg,
+            "<line x1='{LEFT}' y1='{0:.1}' x2='{1}' y2='{0:.1}' stroke='#ddd'/>",
+            y_of(v),
+            SIZE[0] - 10.0
+        );
         label(&mut svg, 4.0, y_of(v) + 4.0, &format!("{v:.1} {unit}"));
     }
     for n in 0..=6 {
         let s = end * f64::from(n) / 6.0;
-        label(&mut svg, x_of(s) - 12.0, SIZE[1] - 22.0, &format!("{s:.1} s"));
+        label(
+            &mut svg,
+            x_of(s) - 12.0,
+            SIZE[1] - 22.0,
+            &format!("{s:.1} s"),
+        );
     }
     let mut path = String::new();
-    for (n, v) in bins.iter().enumerate().filter_map(|(n, v)| Some((n, (*v)?))) {
+    for (n, v) in bins
+        .iter()
+        .enumerate()
+        .filter_map(|(n, v)| Some((n, (*v)?)))
+    {
         let x = x_of(end * (n as f64 + 0.5) / BINS as f64);
-        _ = write!(path, "{}{x:.1} {:.1}", if path.is_empty() { "M" } else { "L" }, y_of(v));
+        _ = write!(
+            path,
+            "{}{x:.1} {:.1}",
+            if path.is_empty() { "M" } else { "L" },
+            y_of(v)
+        );
     }
-    _ = write!(svg, "<path d='{path}' fill='none' stroke='#205090' stroke-width='1.3'/>");
+    _ = write!(
+        svg,
+        "<path d='{path}' fill='none' stroke='#205090' stroke-width='1.3'/>"
+    );
     for (n, (s, what)) in events.iter().enumerate() {
         let x = x_of(*s);
-        _ = write!(svg, "<line x1='{x:.1}' y1='24' x2='{x:.1}' y2='{:.1}' stroke='#c02010' stroke-dasharray='3 3'/>", SIZE[1] - BOTTOM);
+        _ = write!(
+            svg,
+            "<line x1='{x:.1}' y1='24' x2='{x:.1}' y2='{:.1}' stroke='#c02010' stroke-dasharray='3 3'/>",
+            SIZE[1] - BOTTOM
+        );
         label(&mut svg, x + 3.0, 34.0 + 13.0 * (n % 4) as f64, what);
     }
     svg + "</svg>"
@@ -265,10 +386,18 @@ fn open(width: f64, height: f64, title: &str) -> String {
 }
 
 fn label(svg: &mut String, x: f64, y: f64, text: &str) {
-    _ = write!(svg, "<text x='{x:.1}' y='{y:.1}' fill='#333'>{}</text>", escaped(text));
+    _ = write!(
+        svg,
+        "<text x='{x:.1}' y='{y:.1}' fill='#333'>{}</text>",
+        escaped(text)
+    );
 }
 
 /// Text that is safe in HTML and SVG.
 pub(super) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('\'', "&#39;").replace('"', "&quot;")
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('\'', "&#39;")
+        .replace('"', "&quot;")
 }

@@ -180,8 +180,7 @@ fn previews(
 ) -> Result<Vec<Preview>, ClinicError> {
     progress("trying thresholds", 0.0);
     let folder = path.parent().map_or_else(PathBuf::new, PathBuf::from);
-    let ct =
-        nifti::read(&folder.join(volume(scene)?)).map_err(crate::scene::SceneError::from)?;
+    let ct = nifti::read(&folder.join(volume(scene)?)).map_err(crate::scene::SceneError::from)?;
     let set = scene.surface.threshold_hu;
     let mut thresholds = vec![100.0, 150.0, 200.0, 300.0, 400.0, set];
     thresholds.sort_unstable_by(f32::total_cmp);

@@ -46,10 +46,17 @@ pub fn run(args: &SessionArgs) -> anyhow::Result<()> {
         let target = target?;
         let tools = Tool::standard_set();
         let hand = stroke(&target, &Pose::IDENTITY);
-        let played = play(&target, &tools, Feel::default(), hand)?;
-        let name = scene.file_name().map_or_else(|| "session".to_owned(), |n| n.to_string_lossy().into_owned());
+        let played = play(&target, &tools, &Feel::default(), hand)?;
+        let name = scene.file_name().map_or_else(
+            || "session".to_owned(),
+            |n| n.to_string_lossy().into_owned(),
+        );
         let judged = Judged::of(&target, &played, &bands, &name);
-        let dir = if args.scripted.len() == 1 { args.out.clone() } else { args.out.join(&name) };
+        let dir = if args.scripted.len() == 1 {
+            args.out.clone()
+        } else {
+            args.out.join(&name)
+        };
         write(&dir, &target, &played, &judged)?;
         eprintln!("{}", dir.join("session.html").display());
         all.push(judged);
@@ -108,10 +115,19 @@ pub fn html(target: &Target, played: &Played, judged: &Judged) -> String {
         escaped(&target.component.name),
         judged.cut,
         escaped(&judged.bands),
-        if judged.bands_validated { "Marked as validated by their author." } else { "They are <b>not validated</b>." },
+        if judged.bands_validated {
+            "Marked as validated by their author."
+        } else {
+            "They are <b>not validated</b>."
+        },
     );
     page.push_str("<h2>Planned and achieved</h2><p class='key'>Dashed blue: planned axis; blue outline: planned component; red line: achieved axis.");
-    for (colour, what) in [("#e8dcc0", "bone left"), ("#d0d4d8", "removed as planned"), ("#d03020", "removed beyond the plan"), ("#3060c0", "left where the plan removes")] {
+    for (colour, what) in [
+        ("#e8dcc0", "bone left"),
+        ("#d0d4d8", "removed as planned"),
+        ("#d03020", "removed beyond the plan"),
+        ("#3060c0", "left where the plan removes"),
+    ] {
         _ = write!(page, "<span style='background:{colour}'></span>{what}");
     }
     page.push_str("</p><div class='pics'>");
@@ -120,9 +136,23 @@ pub fn html(target: &Target, played: &Played, judged: &Judged) -> String {
     }
     page.push_str(&face_map(target, &played.cut));
     page.push_str("</div><h2>Course</h2>");
-    page.push_str(&curve(&played.trace, ("Force at a real tool", "N"), &judged.events, |t| t.physical_n, f64::max));
-    page.push_str(&curve(&played.trace, ("Tip over the planned back", "mm"), &judged.events, |t| plan_from_bone.point(t.tip()).z.min(20.0), f64::min));
-    page.push_str("<h2>Metrics</h2><table><tr><th>metric<th>value<th>plan<th>unit<th>what it is</tr>");
+    page.push_str(&curve(
+        &played.trace,
+        ("Force at a real tool", "N"),
+        &judged.events,
+        |t| t.physical_n,
+        f64::max,
+    ));
+    page.push_str(&curve(
+        &played.trace,
+        ("Tip over the planned back", "mm"),
+        &judged.events,
+        |t| plan_from_bone.point(t.tip()).z.min(20.0),
+        f64::min,
+    ));
+    page.push_str(
+        "<h2>Metrics</h2><table><tr><th>metric<th>value<th>plan<th>unit<th>what it is</tr>",
+    );
     for m in &judged.metrics {
         page.push_str(&row(m));
     }
@@ -138,12 +168,18 @@ fn row(m: &Filed) -> String {
         None => "",
     };
     let number = |v: Option<f64>| v.map_or_else(|| "–".to_owned(), |v| format!("{v:.2}"));
-    let spread = m.uncertainty.map_or_else(String::new, |u| format!(" ± {u:.2}"));
+    let spread = m
+        .uncertainty
+        .map_or_else(String::new, |u| format!(" ± {u:.2}"));
     format!(
         "<tr{class}><td>{}<td class='n'>{}{}<td class='n'>{}<td>{}<td>{}</tr>",
         m.name.replace('_', " "),
         number(m.value),
-        if m.value.is_some() { spread } else { String::new() },
+        if m.value.is_some() {
+            spread
+        } else {
+            String::new()
+        },
         number(m.plan),
         m.unit,
         escaped(m.note)
@@ -173,7 +209,13 @@ pub fn cohort(all: &[Judged]) -> String {
     }
     csv.push('\n');
     for j in all {
-        _ = write!(csv, "{},{},{}", quoted(&j.session), quoted(&j.scene), quoted(&j.component));
+        _ = write!(
+            csv,
+            "{},{},{}",
+            quoted(&j.session),
+            quoted(&j.scene),
+            quoted(&j.component)
+        );
         for (name, _) in &columns {
             match j.value(name) {
                 Some(v) => _ = write!(csv, ",{v}"),

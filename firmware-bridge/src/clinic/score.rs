@@ -196,7 +196,11 @@ impl Judged {
     pub fn json(&self) -> Result<String, ClinicError> {
         serde_json::to_string_pretty(self)
             .map(|t| t + "\n")
-            .map_err(|e| ClinicError::Plan(format!("the session cannot be written as JSON ({e}); report this")))
+            .map_err(|e| {
+                ClinicError::Plan(format!(
+                    "the session cannot be written as JSON ({e}); report this"
+                ))
+            })
     }
 }
 

@@ -102,18 +102,23 @@ pub(crate) fn stroke_to(scene: &Scene, component: &Component, bone_from_goal: &P
 }
 
 /// Plays a stroke in lockstep with the simulated device: faster than real time, the same bits every time.
-pub fn play(target: &Target, tools: &[Tool], feel: Feel, stroke: Stroke) -> anyhow::Result<Played> {
+pub fn play(target: &Target, tools: &[Tool], feel: &Feel, stroke: Stroke) -> anyhow::Result<Played> {
     let lab = Lab::with(target.scene.clone(), tools.to_vec(), feel)?;
     let mut world = World::new(&lab, DeviceSetup::new(stroke, 7), 0, 0);
     world.keep_ticks();
     let bone = &target.scene.bone;
     let mut trace = SessionTrace {
         ticks: Vec::new(),
-        tools: tools.iter().map(|t| (t.id.clone(), t.name.clone())).collect(),
+        tools: tools
+            .iter()
+            .map(|t| (t.id.clone(), t.name.clone()))
+            .collect(),
     };
     while world.now_ns() as f64 * 1e-9 < MOST_S && !world.device().hand_done() {
         world.tick();
-        trace.ticks.extend(world.kept_ticks().iter().map(|t| trace_tick(bone, t)));
+        trace
+            .ticks
+            .extend(world.kept_ticks().iter().map(|t| trace_tick(bone, t)));
         if let Some(why) = world.over() {
             bail!("the scripted session ended early: {why}");
         }

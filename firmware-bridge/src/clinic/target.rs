@@ -15,13 +15,11 @@ use std::path::Path;
 
 /// The plan of a scene.
 pub fn plan_of(dir: &Path) -> Result<PlanFile, ClinicError> {
-    match file::built_in(dir) {
-        Some((_, text)) => PlanFile::parse(dir, text),
-        None => {
-            let folder = file::path_in(dir);
-            PlanFile::read(&folder.parent().unwrap_or(dir).join(file::PLAN))
-        }
+    if let Some((_, text)) = file::built_in(dir) {
+        return PlanFile::parse(dir, text);
     }
+    let folder = file::path_in(dir);
+    PlanFile::read(&folder.parent().unwrap_or(dir).join(file::PLAN))
 }
 
 /// A scene with its plan.

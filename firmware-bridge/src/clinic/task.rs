@@ -181,10 +181,10 @@ impl Task {
             self.deepest_mm = f64::INFINITY;
             self.last_hint_s = f64::NEG_INFINITY;
             self.over = self.done();
-            let next = self
-                .steps
-                .get(self.now)
-                .map_or_else(|| "all steps done".to_owned(), |s| format!("next: {}", s.name));
+            let next = self.steps.get(self.now).map_or_else(
+                || "all steps done".to_owned(),
+                |s| format!("next: {}", s.name),
+            );
             return said(SaidKind::Done, format!("{} done; {next}", step.name));
         }
         if self.mode == Mode::Guided && at_s >= self.last_hint_s + AGAIN_S {
@@ -210,7 +210,10 @@ impl Task {
         let axis = self.plan_from_bone.vector(tick.axis());
         let off = libm::atan2(axis.truncate().length(), axis.z).to_degrees();
         if off > AXIS_DEG {
-            return Some(format!("the axis is {off:.0}° off the plan: {}", tilt(axis)));
+            return Some(format!(
+                "the axis is {off:.0}° off the plan: {}",
+                tilt(axis)
+            ));
         }
         let aside = p.truncate() - glam::DVec2::from_array(step.at_mm);
         // a drill's place counts where it goes in
@@ -228,7 +231,11 @@ impl Task {
 /// Which way the handle is to go.
 fn tilt(axis: DVec3) -> &'static str {
     if axis.x.abs() > axis.y.abs() {
-        if axis.x > 0.0 { "handle towards the plan's -x" } else { "handle towards the plan's +x" }
+        if axis.x > 0.0 {
+            "handle towards the plan's -x"
+        } else {
+            "handle towards the plan's +x"
+        }
     } else if axis.y > 0.0 {
         "handle down"
     } else {
@@ -290,14 +297,27 @@ mod tests {
     fn hints_name_the_tool_the_spindle_the_axis_and_the_depth() {
         let hint = |tool, spindle, z, turn| {
             let mut task = Task::of(Mode::Guided, two(), Pose::IDENTITY);
-            task.tick(&tick(0, z, tool, spindle, turn), 0.0).map(|s| s.text)
+            task.tick(&tick(0, z, tool, spindle, turn), 0.0)
+                .map(|s| s.text)
         };
         let straight = DQuat::IDENTITY;
-        assert!(hint(1, true, 20.0, straight).expect("a hint").contains("take the drill"));
-        assert!(hint(0, false, 3.0, straight).expect("a hint").contains("spindle"));
+        assert!(
+            hint(1, true, 20.0, straight)
+                .expect("a hint")
+                .contains("take the drill")
+        );
+        assert!(
+            hint(0, false, 3.0, straight)
+                .expect("a hint")
+                .contains("spindle")
+        );
         let off = DQuat::from_rotation_y(0.2);
         assert!(hint(0, true, 3.0, off).expect("a hint").contains("11° off"));
-        assert!(hint(0, true, -10.0, straight).expect("a hint").contains("8.0 mm to go"));
+        assert!(
+            hint(0, true, -10.0, straight)
+                .expect("a hint")
+                .contains("8.0 mm to go")
+        );
         assert_eq!(hint(0, true, 20.0, straight), None);
         let mut free = Task::of(Mode::Free, two(), Pose::IDENTITY);
         assert_eq!(free.tick(&tick(0, -30.0, 0, true, straight), 99.0), None);
@@ -307,12 +327,20 @@ mod tests {
     fn too_deep_protected_bone_and_the_clock_stop_the_task() {
         let mut task = Task::of(Mode::Guided, two(), Pose::IDENTITY);
         let said = plunge(&mut task, 0, 0, 21.0);
-        assert!(said.iter().any(|s| s.kind == SaidKind::Stop && s.text.contains("deeper")));
+        assert!(
+            said.iter()
+                .any(|s| s.kind == SaidKind::Stop && s.text.contains("deeper"))
+        );
         assert!(task.over() && !task.done());
         let mut task = Task::of(Mode::Exam, two(), Pose::IDENTITY);
         let z = tick(0, 20.0, 0, true, DQuat::IDENTITY);
         assert_eq!(task.tick(&z, 0.5), None);
-        assert!(task.tick(&z, 1.5).expect("stopped").text.contains("protected"));
+        assert!(
+            task.tick(&z, 1.5)
+                .expect("stopped")
+                .text
+                .contains("protected")
+        );
         let mut task = Task::of(Mode::Exam, two(), Pose::IDENTITY);
         assert_eq!(task.tick(&z, 0.0), None);
         let late = tick(300_001, 20.0, 0, true, DQuat::IDENTITY);

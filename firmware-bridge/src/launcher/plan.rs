@@ -26,7 +26,11 @@ pub(crate) struct Plan {
 
 /// The stroke for a scene whose plan has a component; `None` for a bare one.
 fn planned_stroke(args: &DemoArgs, scene: &Scene) -> Option<Stroke> {
-    let dir = args.scene.scene.as_deref().filter(|_| args.scene.pose.is_none())?;
+    let dir = args
+        .scene
+        .scene
+        .as_deref()
+        .filter(|_| args.scene.pose.is_none())?;
     let plan = plan_of(dir).ok()?;
     let component = plan.component().ok()?;
     let bone_from_lps = scene.bone.lps_from_bone().inverse();

@@ -5,8 +5,8 @@ use super::disturb::Act;
 use super::plan::Plan;
 use super::report;
 use super::{DemoArgs, Screen};
-use crate::haptics::socket::{private_dir, runtime_dir};
 use crate::clinic::task::Mode;
+use crate::haptics::socket::{private_dir, runtime_dir};
 use crate::scene::SceneArgs;
 use crate::stop;
 use anyhow::{Context as _, anyhow, bail};
@@ -318,7 +318,11 @@ fn haptics_args(args: &DemoArgs, files: &Files) -> Vec<String> {
     ];
     list.extend(scene_args(&args.scene));
     if args.task != Mode::Free {
-        let mode = if args.task == Mode::Exam { "exam" } else { "guided" };
+        let mode = if args.task == Mode::Exam {
+            "exam"
+        } else {
+            "guided"
+        };
         list.extend(["--task".to_owned(), mode.to_owned()]);
     }
     if let Some(path) = &args.tools.tools {

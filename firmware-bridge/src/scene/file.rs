@@ -234,7 +234,9 @@ pub fn path_in(dir: &Path) -> PathBuf {
 /// A built-in scene by its name, where nothing of that name is on disk: its file and plan.
 pub fn built_in(dir: &Path) -> Option<(&'static str, &'static str)> {
     let named = BUILT_IN.iter().find(|(name, ..)| Path::new(name) == dir);
-    named.filter(|_| !dir.exists()).map(|&(_, file, plan)| (file, plan))
+    named
+        .filter(|_| !dir.exists())
+        .map(|&(_, file, plan)| (file, plan))
 }
 
 /// Reads a scene's file.
@@ -270,8 +272,13 @@ fn parse(path: &Path, text: &str) -> Result<SceneFile, SceneError> {
         problem,
     };
     let file: SceneFile = toml::from_str(text).map_err(|e| {
-        let line = e.span().map_or(1, |s| text[..s.start].lines().count().max(1));
-        refuse(format!("line {line}: {}; correct it", e.message().replace('\n', " ")))
+        let line = e
+            .span()
+            .map_or(1, |s| text[..s.start].lines().count().max(1));
+        refuse(format!(
+            "line {line}: {}; correct it",
+            e.message().replace('\n', " ")
+        ))
     })?;
     if file.format != FORMAT {
         return Err(refuse(format!(
@@ -280,7 +287,9 @@ fn parse(path: &Path, text: &str) -> Result<SceneFile, SceneError> {
         )));
     }
     if file.volume.is_some() == file.phantom.is_some() {
-        return Err(refuse("needs either [volume] or [phantom]; import again".to_owned()));
+        return Err(refuse(
+            "needs either [volume] or [phantom]; import again".to_owned(),
+        ));
     }
     Ok(file)
 }
@@ -321,7 +330,9 @@ pub(super) fn resolved(dir: &Path, args: &SceneArgs) -> Result<SceneArgs, SceneE
     if let Some(phantom) = file.phantom {
         return phantom_args(dir, args, phantom);
     }
-    let folder = path_in(dir).parent().map_or_else(PathBuf::new, Path::to_path_buf);
+    let folder = path_in(dir)
+        .parent()
+        .map_or_else(PathBuf::new, Path::to_path_buf);
     let checked = |name: &str, xxh3: &str| {
         let path = inside(&folder, name)?;
         check_hash(&path, xxh3)?;

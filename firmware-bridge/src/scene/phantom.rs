@@ -205,12 +205,7 @@ fn lattice_error(grid: &Grid, shape: &Scapula, phi: &[f32], solid_mm: &[f32]) ->
 
 /// Density, class and label of every voxel near or in the bone. Voxels just outside take the
 /// density of the tissue next to them, so that interpolation does not soften the surface.
-fn tissues(
-    grid: Grid,
-    (shape, scale): (&Scapula, f64),
-    solid_mm: Vec<f32>,
-    seed: u64,
-) -> Dense {
+fn tissues(grid: Grid, (shape, scale): (&Scapula, f64), solid_mm: Vec<f32>, seed: u64) -> Dense {
     let lattice = Lattice::of(&grid);
     let of_voxel = |(at, &solid): (usize, &f32)| {
         if !near_bone(&grid, solid) {

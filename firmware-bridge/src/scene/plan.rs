@@ -45,9 +45,7 @@ fn of_json(json: &Value) -> Result<Pose, String> {
     let centre = vector(json, "glenoid_centre")?;
     let outward = vector(json, "glenoid_normal_outward")?;
     if !(1e-3..=1e3).contains(&outward.length()) {
-        return Err(
-            "glenoid_normal_outward has no usable length; give a unit vector".to_owned(),
-        );
+        return Err("glenoid_normal_outward has no usable length; give a unit vector".to_owned());
     }
     Ok(Pose::from_origin_and_z(centre, outward))
 }

@@ -18,7 +18,10 @@ const N: usize = 60;
 const FOOT_MM: DVec3 = DVec3::new(14.76, 14.77, 16.53);
 
 /// The CT of a block of one density with a socket for the tool, partial volume at its surface.
-#[expect(clippy::cast_possible_truncation, reason = "CT numbers and lengths fit")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "CT numbers and lengths fit"
+)]
 fn write_ct(path: &Path, faced: &Faced, density: f64) {
     let bone_hu = (density - OFFSET) / SLOPE;
     let mut bytes = vec![0u8; 352];
@@ -28,14 +31,20 @@ fn write_ct(path: &Path, faced: &Faced, density: f64) {
         put(40 + 2 * n, &d.to_le_bytes());
     }
     put(70, &16_i16.to_le_bytes());
-    for (n, v) in [1.0, H_MM as f32, H_MM as f32, H_MM as f32].into_iter().enumerate() {
+    for (n, v) in [1.0, H_MM as f32, H_MM as f32, H_MM as f32]
+        .into_iter()
+        .enumerate()
+    {
         put(76 + 4 * n, &v.to_le_bytes());
     }
     put(108, &352.0_f32.to_le_bytes());
     put(254, &1_i16.to_le_bytes());
     // LPS is the lattice
     for (row, sign) in [-1.0_f32, -1.0, 1.0].into_iter().enumerate() {
-        put(280 + 16 * row + 4 * row, &(sign * H_MM as f32).to_le_bytes());
+        put(
+            280 + 16 * row + 4 * row,
+            &(sign * H_MM as f32).to_le_bytes(),
+        );
     }
     put(344, b"n+1\0");
     for at in 0..N * N * 50 {
@@ -95,6 +104,9 @@ fn three_densities_through_a_ct_feed_as_the_closed_form_says() {
             row.closed_form_mm_s,
             100.0 * row.rel
         );
-        assert!(row.closed_form_mm_s > 0.0 && row.rel.abs() < 0.05, "{row:?}");
+        assert!(
+            row.closed_form_mm_s > 0.0 && row.rel.abs() < 0.05,
+            "{row:?}"
+        );
     }
 }

@@ -192,7 +192,10 @@ pub struct LedgerRow {
 pub fn seated(faced: &Faced, density: f64, spindle: bool) -> (Guided, Spec) {
     let wide = 2.0 * faced.radius_mm + 5.0;
     let extent = DVec3::new(wide, wide, faced.depth_mm + 12.0);
-    seated_in(socket(&faced.tool, extent, faced.depth_mm, density, 0.5), spindle)
+    seated_in(
+        socket(&faced.tool, extent, faced.depth_mm, density, 0.5),
+        spindle,
+    )
 }
 
 /// A tool at the base frame's origin of a scene, in a socket of its own shape.
@@ -206,7 +209,12 @@ pub fn seated_in(scene: Scene, spindle: bool) -> (Guided, Spec) {
 
 /// A tool under a constant push in a bone of one density.
 pub fn fed(faced: &Faced, density: f64, push_n_physical: f64) -> (FeedRow, LedgerRow) {
-    fed_in(seated(faced, density, true), faced, density, push_n_physical)
+    fed_in(
+        seated(faced, density, true),
+        faced,
+        density,
+        push_n_physical,
+    )
 }
 
 /// The same of a tool that stands in its bone already.

@@ -7,9 +7,9 @@
 pub mod ablation;
 pub mod bench;
 pub mod cases;
-pub mod device;
 #[cfg(test)]
 mod ct_density;
+pub mod device;
 pub mod feed;
 pub mod force_table;
 pub mod guided;

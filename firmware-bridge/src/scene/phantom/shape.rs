@@ -246,7 +246,8 @@ impl Scapula {
         let middle = DVec3::new(-7.0, 0.0, 0.0);
         let (sin, cos) = libm::sincos(deg.to_radians());
         let out = DVec3::new(-sin, 0.0, cos);
-        let on_face = middle.with_z(FACE_RADIUS_MM - (FACE_RADIUS_MM * FACE_RADIUS_MM - 49.0).sqrt());
+        let on_face =
+            middle.with_z(FACE_RADIUS_MM - (FACE_RADIUS_MM * FACE_RADIUS_MM - 49.0).sqrt());
         Self {
             eroded: (mm > 0.0).then(|| on_face - DVec3::Z * mm + out * FACE_RADIUS_MM),
             ..Self::default()
