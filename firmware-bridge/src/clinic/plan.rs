@@ -94,6 +94,12 @@ fn place(text: &str) -> Result<Place, String> {
 /// Plans, telling on stderr what was found.
 #[expect(clippy::print_stderr, reason = "what a command-line program says")]
 pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
+    if file::built_in(&args.scene).is_some() && args.out.is_none() {
+        return Err(ClinicError::Plan(
+            "a built-in scene keeps its plan; give --out FILE for another".to_owned(),
+        )
+        .into());
+    }
     let mut bar = Progress::new("plan");
     let plan = plan(args, &mut |stage, share| bar.show(stage, share));
     bar.finish();

@@ -102,7 +102,12 @@ pub(crate) fn stroke_to(scene: &Scene, component: &Component, bone_from_goal: &P
 }
 
 /// Plays a stroke in lockstep with the simulated device: faster than real time, the same bits every time.
-pub fn play(target: &Target, tools: &[Tool], feel: &Feel, stroke: Stroke) -> anyhow::Result<Played> {
+pub fn play(
+    target: &Target,
+    tools: &[Tool],
+    feel: &Feel,
+    stroke: Stroke,
+) -> anyhow::Result<Played> {
     let lab = Lab::with(target.scene.clone(), tools.to_vec(), feel)?;
     let mut world = World::new(&lab, DeviceSetup::new(stroke, 7), 0, 0);
     world.keep_ticks();

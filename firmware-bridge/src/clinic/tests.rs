@@ -1,4 +1,5 @@
 //! The clinic on the built-in phantom, end to end.
+#![expect(clippy::print_stderr, reason = "measured figures are told")]
 
 use super::components;
 use super::plan::{Place, PlanArgs, plan, propose};
@@ -159,6 +160,9 @@ fn each_scenario_is_played_and_judged_the_same_twice() {
         let target = Target::load(Path::new(name), &mut |_, _| {}).expect(name);
         let hand = stroke(&target, &Pose::IDENTITY);
         let played = play(&target, &Tool::standard_set(), &Feel::default(), hand).expect(name);
+        let points = osteon_sim_core::metrics::surface::carved_points(&target.scene.bone, &played.cut, &target.bone_from_component.inverse());
+        let found = osteon_sim_core::metrics::surface::Achieved::find(&points, &target.component);
+        eprintln!("{name}: ticks {} points {} face {:?} {} pegs {:?} axis {:?} uses {:?}", played.trace.ticks.len(), points.len(), found.face, found.face_points.len(), found.pegs, super::session::tool_axis(&played.trace, &target.bone_from_component), played.trace.uses().iter().map(|u| (u.0, u.1.len())).collect::<Vec<_>>());
         let page = super::report::html(
             &target,
             &played,
@@ -270,11 +274,21 @@ fn the_shipped_plans_are_those_that_are_made() {
             version: (name == "eroded").then_some(-8.0),
             ..args(marks)
         };
-        let text = plan(&asked, &mut |_, _| {}).expect(name).text().expect("text");
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios").join(name).join("plan.json");
+        let text = plan(&asked, &mut |_, _| {})
+            .expect(name)
+            .text()
+            .expect("text");
+        let file = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("scenarios")
+            .join(name)
+            .join("plan.json");
         if std::env::var_os("OSTEON_WRITE_PLANS").is_some() {
             std::fs::write(&file, &text).expect("written");
         }
-        assert_eq!(std::fs::read_to_string(&file).expect("a plan"), text, "{name}");
+        assert_eq!(
+            std::fs::read_to_string(&file).expect("a plan"),
+            text,
+            "{name}"
+        );
     }
 }

@@ -13,7 +13,10 @@ const LEAST_STEP_MM: f64 = 0.02;
 const HALVINGS: usize = 40;
 /// Distance of the rays, mm.
 const RAYS_MM: f64 = 1.0;
-/// A point farther than this from the face's sphere is rim or beyond, mm.
+/// A point farther from the face's sphere than so many times its spread is rim or beyond …
+const SPREADS: f64 = 2.5;
+/// … but within these bounds, mm.
+const LEAST_RIM_MM: f64 = 0.4;
 const RIM_MM: f64 = 2.0;
 /// Fewest points that make a face.
 const FEWEST: usize = 60;
@@ -102,10 +105,11 @@ pub fn find_by(
             return None;
         }
         let ball = sphere(&kept)?;
+        let near = (SPREADS * ball.rms_mm).clamp(LEAST_RIM_MM, RIM_MM);
         let next: Vec<DVec3> = points
             .iter()
             .copied()
-            .filter(|p| (p.distance(ball.centre) - ball.radius_mm).abs() < RIM_MM)
+            .filter(|p| (p.distance(ball.centre) - ball.radius_mm).abs() < near)
             .collect();
         if next.len() == kept.len() {
             break;
