@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 use osteon_firmware_bridge::{
-    bench, devices, doctor, export, fake, haptics, import, launcher, replay, selftest,
+    bench, clinic, devices, doctor, export, fake, haptics, import, launcher, replay, selftest,
 };
 use osteon_tests::report;
 use std::process::ExitCode;
@@ -41,6 +41,10 @@ enum Task {
     Replay(replay::ReplayArgs),
     /// Make tables and volumes of a recorded session for other programs
     Export(export::ExportArgs),
+    /// Choose how a scene's bone is made: threshold, parts, labels, cartilage, density
+    Prepare(clinic::prepare::PrepareArgs),
+    /// Plan a glenoid component in a scene from three landmarks
+    Plan(clinic::plan::PlanArgs),
     /// Say what this machine can do: real-time rights, ports, display, graphics
     Doctor(doctor::DoctorArgs),
     /// Commission a device step by step: encoders, buttons, workspace, force, emergency stop; writes a record
@@ -66,6 +70,8 @@ fn main() -> ExitCode {
         Task::View(args) => osteon_viewer::run(args),
         Task::FakeOmni(args) => fake::run(&args),
         Task::Bench(args) => bench::run(&args),
+        Task::Prepare(args) => clinic::prepare::run(&args),
+        Task::Plan(args) => clinic::plan::run(&args),
         Task::Import(args) => import::run(&args),
         Task::Devices(args) => devices::run(&args),
         Task::Replay(args) => replay::run(&args),

@@ -2,6 +2,7 @@
 //!
 //! * [`link`]: devices on a cable; [`fake`]: a simulated one as a process of its own.
 //! * [`import`]: a lab's data into a scene; [`scene`]: a bone from a scene, a CT or the built-in phantom; [`tools`]: tools from a file.
+//! * [`clinic`]: plans, and sessions judged by them.
 //! * [`haptics`]: the servo thread, its publisher, its sessions; [`rt`]: what it asks of the system.
 //! * [`recording`]: session files; [`replay`]: playing them again; [`export`]: tables and volumes of
 //!   them.
@@ -13,6 +14,7 @@
 //! reaches it but accepted requests.
 
 pub mod bench;
+pub mod clinic;
 pub mod devices;
 pub mod doctor;
 pub mod export;

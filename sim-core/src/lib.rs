@@ -21,6 +21,7 @@ pub mod feel;
 pub mod grid;
 mod lanes;
 pub mod merge;
+pub mod metrics;
 pub mod omni;
 pub mod plan;
 pub mod planning;

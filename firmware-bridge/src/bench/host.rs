@@ -1,6 +1,6 @@
 //! The host in lockstep: the servo's own beat behind a link of bytes, and the start of a session.
 
-use crate::haptics::record::Record;
+use crate::haptics::record::{Record, TickRecord};
 use crate::haptics::resync::Resync;
 use crate::haptics::servo_loop::{Beat, Ending, ServoThread, Timing, one_beat};
 use crate::link::handshake::{Arming, Greeting, Step};
@@ -167,14 +167,22 @@ impl Loop {
     }
 
     /// One tick of the servo's own loop at `now` ns.
-    pub(super) fn beat(&mut self, now: u64) -> Result<(), Ending> {
+    pub(super) fn beat(
+        &mut self,
+        now: u64,
+        kept: &mut Option<Vec<TickRecord>>,
+    ) -> Result<(), Ending> {
         let timing = Timing {
             started: now,
             late_ns: 0,
             skipped: 0,
         };
         let done = one_beat(&mut self.thread, &mut self.beat, &timing, &|| now);
-        while self.records.pop().is_ok() {}
+        while let Ok(record) = self.records.pop() {
+            if let (Some(kept), Record::Tick(tick)) = (kept.as_mut(), record) {
+                kept.push(tick);
+            }
+        }
         done
     }
 

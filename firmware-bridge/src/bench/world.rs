@@ -6,6 +6,7 @@
 use super::host::{End, Loop, Shared, Start};
 use crate::fake::device::{Device, DeviceSetup, Truth};
 use crate::fake::faults::{Direction, Fault, Lane, Planned, Where};
+use crate::haptics::record::TickRecord;
 use crate::haptics::servo_loop::Beat;
 use crate::haptics::session::ending_text;
 use crate::link::DeviceInfo;
@@ -13,6 +14,7 @@ use crate::scene::{Scene, SceneArgs, load};
 use osteon_protocol::device::{CommandFrame, DEVICE_SCHEMA, DEVICE_VERSION, HostMessage};
 use osteon_protocol::firmware::DriveConfig;
 use osteon_protocol::frame::{FrameReader, MAX_FRAME, encode};
+use osteon_sim_core::cut::Cut;
 use osteon_sim_core::feel::Feel;
 use osteon_sim_core::register::bone_from_base;
 use osteon_sim_core::servo::{Servo, ServoSetup};
@@ -38,8 +40,15 @@ impl Lab {
             voxel_mm: Some(1.5),
             ..SceneArgs::default()
         };
-        let scene = load(&args, &mut |_, _| {})?;
-        let tools = Tool::standard_set();
+        Self::with(
+            load(&args, &mut |_, _| {})?,
+            Tool::standard_set(),
+            &Feel::default(),
+        )
+    }
+
+    /// A scene with its tools.
+    pub fn with(scene: Scene, tools: Vec<Tool>, feel: &Feel) -> anyhow::Result<Arc<Self>> {
         let setup = ServoSetup {
             bone: Arc::clone(&scene.bone),
             tools: tools.clone(),
@@ -47,7 +56,7 @@ impl Lab {
             bone_from_plan: scene.bone_from_plan,
             device: DeviceInfo::omni(&DriveConfig::omni(1).hello).scale,
             force_limit_n: 3.3,
-            feel: Feel::default(),
+            feel: *feel,
         };
         let servo = Servo::new(setup).ok_or_else(|| anyhow::anyhow!("no tools"))?;
         Ok(Arc::new(Self {
@@ -84,6 +93,8 @@ pub struct World {
     sent: HashMap<u16, CommandFrame>,
     newest: Option<CommandFrame>,
     wrongly_applied: u32,
+    // ticks of the servo's loop, where somebody wants them
+    kept: Option<Vec<TickRecord>>,
 }
 
 impl std::fmt::Debug for World {
@@ -118,6 +129,7 @@ impl World {
             sent: HashMap::new(),
             newest: None,
             wrongly_applied: 0,
+            kept: None,
         }
     }
 
@@ -141,6 +153,7 @@ impl World {
             end,
             heard: self.heard.clone(),
             sent: self.sent.clone(),
+            kept: self.kept.clone(),
             ..*self
         })
     }
@@ -235,7 +248,7 @@ impl World {
                 )))),
                 Err(e) => Some(Phase::Over(e.to_string(), servo.clone())),
             },
-            Phase::Running(running) => running.beat(self.now).err().map(|ending| {
+            Phase::Running(running) => running.beat(self.now, &mut self.kept).err().map(|ending| {
                 let text = ending_text(&ending).unwrap_or_default();
                 Phase::Over(text, Box::new(running.state().0))
             }),
@@ -286,6 +299,26 @@ impl World {
             Phase::Over(why, _) => Some(why),
             _ => None,
         }
+    }
+
+    /// From now on every tick of the servo's loop is kept.
+    pub(crate) fn keep_ticks(&mut self) {
+        self.kept.get_or_insert_default();
+    }
+
+    /// The ticks kept so far, taken out.
+    pub(crate) fn kept_ticks(&mut self) -> Vec<TickRecord> {
+        self.kept.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    /// The servo's cut, whole: every step that began is carved to its end.
+    pub(crate) fn cut(&self) -> Cut {
+        let mut servo = match &self.host {
+            Phase::Starting(_, servo) | Phase::Over(_, servo) => (**servo).clone(),
+            Phase::Running(running) => running.state().0,
+        };
+        servo.finish_carving();
+        servo.cut().clone()
     }
 
     /// Whether the servo's loop runs.

@@ -195,6 +195,11 @@ impl Device {
         self.tick_frame(&mut [0; MAX_FRAME]).0
     }
 
+    /// Whether the hand has come to the end of its stroke.
+    pub fn hand_done(&self) -> bool {
+        self.hand.done()
+    }
+
     /// As [`Self::tick`], with the state's frame for the cable.
     pub fn tick_frame<'a>(&mut self, out: &'a mut [u8; MAX_FRAME]) -> (StateFrame, &'a [u8]) {
         let sent = self.controller.tick(self.now_micros, &self.sensors, out);

@@ -29,6 +29,7 @@ pub use report::SessionReport;
 pub use session::small_tools;
 pub use stats::{LATE_NS, Quantiles};
 
+use crate::clinic::task::Mode;
 use crate::feel::{self, FeelArgs};
 use crate::link::DeviceSpec;
 use crate::scene::SceneArgs;
@@ -56,6 +57,9 @@ pub struct HapticsArgs {
     /// The feel.
     #[command(flatten)]
     pub feel: FeelArgs,
+    /// Task after the scene's plan: free (nothing is said), guided (steps with hints), exam (steps, 300 s, no hints)
+    #[arg(long, value_name = "MODE", value_enum, default_value_t)]
+    pub task: Mode,
     /// End the session after this many seconds [default: run until Ctrl-C or Stop]
     #[arg(long, value_name = "S", value_parser = positive)]
     pub seconds: Option<f64>,

@@ -10,6 +10,8 @@ use super::record::{Record, TickRecord};
 use super::socket;
 use super::stats::Stats;
 use super::viewers::{Facts, Viewers};
+use crate::clinic::guide::Guide;
+use crate::clinic::task::{Said, SaidKind};
 use crate::passage::Passages;
 use glam::DVec3;
 use interprocess::local_socket::Listener;
@@ -36,6 +38,8 @@ pub(crate) struct Publisher {
     pub mirror: Mirror,
     pub stats: Stats,
     pub passages: Passages,
+    /// The task, where one is set.
+    pub guide: Option<Guide>,
     pub records: Consumer<Record>,
     pub requests: Producer<Request>,
     pub listener: Listener,
@@ -63,6 +67,17 @@ pub(crate) fn wire_digest(digest: CutDigest) -> Digest {
         hash: digest.hash,
         changed_chunks: digest.changed_chunks,
     }
+}
+
+/// What a task says, on stderr.
+#[expect(clippy::print_stderr, reason = "for the trainee and the trainer")]
+fn say_task(said: &Said) {
+    let kind = match said.kind {
+        SaidKind::Hint => "hint",
+        SaidKind::Done => "done",
+        SaidKind::Stop => "STOP",
+    };
+    eprintln!("task {:>7.1} s {kind}: {}", said.at_s, said.text);
 }
 
 impl Publisher {
@@ -126,6 +141,10 @@ impl Publisher {
                 }
                 self.stats.add(tick);
                 self.passages.add(tick);
+                let cut = &self.mirror.cut;
+                if let Some(said) = self.guide.as_mut().and_then(|g| g.tick(tick, cut)) {
+                    say_task(&said);
+                }
                 self.log_pose(tick);
             }
             Record::Undone { epoch, .. } => {

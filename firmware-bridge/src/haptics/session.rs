@@ -15,6 +15,7 @@ use super::servo_loop::{self, Ending, Finished, Master, ServoThread};
 use super::stats::Stats;
 use super::viewers::{ViewerReport, Viewers};
 use super::{HapticsArgs, default_socket, socket};
+use crate::clinic::guide::Guide;
 use crate::feel;
 use crate::link::{self, DeviceLink, DeviceSpec};
 use crate::passage::{Layers, Passages};
@@ -86,6 +87,7 @@ pub(crate) fn run(args: &HapticsArgs) -> anyhow::Result<()> {
     if args.die_with_parent {
         rt::die_with_parent().context("cannot ask to end with the parent process")?;
     }
+    Guide::check(args.task, args.scene.scene.as_deref())?;
     let stop = stop::on_signals()?;
     let feel = feel::load(&args.feel)?;
     let LoadedTools { tools, notes } = tools::load(&args.tools, Detail::Full)?;
@@ -141,6 +143,7 @@ fn with_listener(
     listener: interprocess::local_socket::Listener,
 ) -> anyhow::Result<()> {
     let &Session { tools, scene, .. } = session;
+    let guide = Guide::new(args.task, args.scene.scene.as_deref(), scene)?;
     let pose_log = pose_log(args)?;
     let blank = args.record.as_deref().map(Blank::new).transpose()?;
     if stop.load(Ordering::Relaxed) {
@@ -161,6 +164,7 @@ fn with_listener(
             scene.bone_from_plan.inverse(),
             tools.len(),
         ),
+        guide,
         records: record_out,
         requests: request_in,
         listener,

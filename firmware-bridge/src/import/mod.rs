@@ -198,11 +198,14 @@ fn write_scene(
     };
     let scene = SceneFile {
         format: file::FORMAT,
-        volume: VolumeEntry {
+        volume: Some(VolumeEntry {
             file: VOLUME.to_owned(),
             xxh3: written.xxh3.clone(),
-        },
+        }),
+        phantom: None,
         labels,
+        cartilage: None,
+        density: None,
         surface: Surface {
             threshold_hu: args.threshold,
             ..Surface::default()
@@ -238,5 +241,6 @@ fn write_labels(
         file: LABELS.to_owned(),
         xxh3: volume::store(&labels, &draft.path(LABELS), Kind::U8)?,
         keep: args.keep.clone(),
+        protect: Vec::new(),
     })
 }

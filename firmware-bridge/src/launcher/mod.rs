@@ -12,6 +12,7 @@ mod truth;
 pub use disturb::Disturbance;
 pub use truth::PoseError;
 
+use crate::clinic::task::Mode;
 use crate::feel::{self, FeelArgs};
 use crate::scene::SceneArgs;
 use crate::tools::ToolArgs;
@@ -33,6 +34,9 @@ pub struct DemoArgs {
     /// constant force at the stylus, N, for at most 25 s; the report has its time through each tissue
     #[arg(long, value_name = "N", value_parser = push)]
     pub push: Option<f64>,
+    /// Task after the scene's plan: free, guided (steps with hints on stderr), exam
+    #[arg(long, value_name = "MODE", value_enum, default_value_t)]
+    pub task: Mode,
     /// No window: the viewer process draws offscreen
     #[arg(long)]
     pub headless: bool,

@@ -2,11 +2,13 @@
 
 use super::DemoArgs;
 use super::stroke::{drill_and_ream, press};
+use crate::clinic::session::stroke_to;
+use crate::clinic::target::plan_of;
 use crate::fake::Stroke;
 use crate::feel;
 use crate::passage::{Layers, expected_s};
 use crate::progress::Progress;
-use crate::scene;
+use crate::scene::{self, Scene};
 use crate::tools::{self, Detail};
 
 /// Time before the tool touches bone and after it leaves it, s: a session's length less this is the
@@ -20,6 +22,20 @@ const LONGEST_S: f64 = 25.0;
 pub(crate) struct Plan {
     pub stroke: Stroke,
     pub push: Option<Push>,
+}
+
+/// The stroke for a scene whose plan has a component; `None` for a bare one.
+fn planned_stroke(args: &DemoArgs, scene: &Scene) -> Option<Stroke> {
+    let dir = args
+        .scene
+        .scene
+        .as_deref()
+        .filter(|_| args.scene.pose.is_none())?;
+    let plan = plan_of(dir).ok()?;
+    let component = plan.component().ok()?;
+    let bone_from_lps = scene.bone.lps_from_bone().inverse();
+    let goal = bone_from_lps.then(&plan.lps_from_component());
+    Some(stroke_to(scene, &component, &goal))
 }
 
 /// A press with a constant force.
@@ -41,7 +57,10 @@ impl Plan {
         let scene = scene::load(&args.scene, &mut |stage, share| progress.show(stage, share))?;
         progress.finish();
         let Some(newtons) = args.push else {
-            let stroke = drill_and_ream(&scene, &tools)?;
+            let stroke = match planned_stroke(args, &scene) {
+                Some(stroke) => stroke,
+                None => drill_and_ream(&scene, &tools)?,
+            };
             return Ok(Self { stroke, push: None });
         };
         let (bone, bone_from_plan) = (&scene.bone, &scene.bone_from_plan);

@@ -5,6 +5,7 @@ use super::disturb::Act;
 use super::plan::Plan;
 use super::report;
 use super::{DemoArgs, Screen};
+use crate::clinic::task::Mode;
 use crate::haptics::socket::{private_dir, runtime_dir};
 use crate::scene::SceneArgs;
 use crate::stop;
@@ -319,6 +320,14 @@ fn haptics_args(args: &DemoArgs, files: &Files) -> Vec<String> {
         "0".to_owned(),
     ];
     list.extend(scene_args(&args.scene));
+    if args.task != Mode::Free {
+        let mode = if args.task == Mode::Exam {
+            "exam"
+        } else {
+            "guided"
+        };
+        list.extend(["--task".to_owned(), mode.to_owned()]);
+    }
     if let Some(path) = &args.tools.tools {
         list.extend(["--tools".to_owned(), text(path)]);
     }

@@ -3,8 +3,9 @@
 use super::dense::{Dense, Lattice, VoxelBox, distance, mark_subchondral, near_bone};
 use super::labels::{Keep, check_same_grid, claim, clear_excluded, label_bytes, segment};
 use super::nifti::{self, Volume};
+use super::recipe::{self, Calibration, Parts};
 use super::resample::{self, ResampleError};
-use super::{Scene, SceneArgs, SceneError, SceneSummary, plan, text_ct};
+use super::{Scene, SceneArgs, SceneError, SceneSummary, cartilage, plan, text_ct};
 use osteon_sim_core::bone::Occupancy;
 use osteon_sim_core::grid::Grid;
 use osteon_sim_core::pose::Pose;
@@ -16,7 +17,7 @@ use std::sync::Arc;
 /// Voxels around the bone that a crop keeps: the distance field's reach and the rim.
 const MARGIN: usize = 5;
 /// CT number of air, HU.
-const AIR_HU: f32 = -1000.0;
+pub(super) const AIR_HU: f32 = -1000.0;
 /// CT number from which bone is cortical, HU.
 const CORTICAL_HU: i16 = 600;
 
@@ -29,6 +30,9 @@ struct Cropped {
     labels: Vec<u8>,
     keep: Keep,
     kept_labels: Vec<u8>,
+    parts: Parts,
+    // what CT numbers mean, where the scene says so
+    density: Option<Calibration>,
     non_finite: usize,
     clamped: usize,
 }
@@ -47,10 +51,16 @@ pub(super) fn load(
     path: &Path,
     progress: &mut dyn FnMut(&str, f32),
 ) -> Result<Scene, SceneError> {
-    let plan_path = args.pose.as_deref().ok_or_else(|| SceneError::NoPlan {
-        path: path.to_path_buf(),
-    })?;
-    let lps_from_plan = plan::read(plan_path)?;
+    let lps_from_plan = match (&args.recipe.lps_from_plan, &args.pose) {
+        (Some(pose), _) => *pose,
+        (None, Some(file)) => plan::read(file)?,
+        (None, None) => {
+            return Err(SceneError::NoPlan {
+                path: path.to_path_buf(),
+            });
+        }
+    };
+    let plan_path = args.pose.as_deref().unwrap_or(path);
     progress("reading the CT", 0.0);
     let (ct, absent) = read_ct(args, path, progress)?;
     let mut cropped = read_cropped(args, path, ct)?;
@@ -67,6 +77,7 @@ pub(super) fn load(
     progress("classifying", 0.8);
     let mut dense = classified(fields, &cropped);
     mark_subchondral(&mut dense, &bone_from_plan)?;
+    let (cartilage_mm3, wall_mm3) = added(&mut dense, args, &bone_from_plan)?;
     let bone = dense
         .into_bone()
         .map_err(|e| empty_or(e, args, path, &cropped.kept_labels))?;
@@ -77,13 +88,44 @@ pub(super) fn load(
     summary.non_finite_voxels = cropped.non_finite;
     summary.clamped_voxels = cropped.clamped;
     summary.absent_voxels = absent;
+    summary.parts = cropped.parts;
+    (summary.cartilage_mm3, summary.wall_mm3) = (cartilage_mm3, wall_mm3);
+    let mut protected = args.recipe.protect.clone();
+    if args.recipe.wall_mm > 0.0 {
+        protected.push(recipe::WALL_LABEL);
+    }
     Ok(Scene {
         bone: Arc::new(bone),
         bone_from_plan,
         source: path.display().to_string(),
         summary,
         kept_labels: cropped.kept_labels,
+        protected_labels: protected,
     })
+}
+
+/// What the CT does not show: cartilage, walls, protected structures. Volumes of the first two, mm³.
+fn added(
+    dense: &mut Dense,
+    args: &SceneArgs,
+    bone_from_plan: &Pose,
+) -> Result<(f64, f64), SceneError> {
+    let recipe = &args.recipe;
+    let mut added = (0.0, 0.0);
+    if let Some(wanted) = recipe.cartilage {
+        added.0 = cartilage::lay(dense, bone_from_plan, wanted)?;
+    }
+    if recipe.wall_mm > 0.0 {
+        added.1 = cartilage::wall(dense, bone_from_plan, recipe.wall_mm)?;
+    }
+    if !recipe.protect.is_empty() {
+        for (hu, label) in dense.density_hu.iter_mut().zip(&dense.label) {
+            if recipe.protect.contains(label) {
+                *hu = recipe::WALL_HU;
+            }
+        }
+    }
+    Ok(added)
 }
 
 fn empty_or(error: SceneError, args: &SceneArgs, path: &Path, kept: &[u8]) -> SceneError {
@@ -133,14 +175,25 @@ fn read_ct(
 fn read_cropped(args: &SceneArgs, path: &Path, mut ct: Volume) -> Result<Cropped, SceneError> {
     let labels = args.labels.as_deref().map(|p| (p, nifti::read(p)));
     let (non_finite, clamped) = sanitise(&mut ct.values);
-    let (labels, kept_labels) = match labels {
+    let (mut labels, mut kept_labels) = match labels {
         Some((labels_path, volume)) => {
             let volume = volume?;
             check_same_grid((path, &ct), (labels_path, &volume))?;
-            read_labels(labels_path, &volume, &args.keep)?
+            let kept = [args.keep.as_slice(), &args.recipe.protect].concat();
+            let asked = if args.keep.is_empty() {
+                &[]
+            } else {
+                kept.as_slice()
+            };
+            read_labels(labels_path, &volume, asked)?
         }
         None => (Vec::new(), Vec::new()),
     };
+    args.recipe.crop(path, &mut ct, &mut labels)?;
+    let chosen = (&ct, args.threshold);
+    let parts = args
+        .recipe
+        .choose(path, chosen, &mut labels, &mut kept_labels)?;
     let keep = Keep::new(&kept_labels);
     let lattice = Lattice::of(&ct.grid);
     let above = |at: usize| ct.values[at] > args.threshold;
@@ -167,6 +220,8 @@ fn read_cropped(args: &SceneArgs, path: &Path, mut ct: Volume) -> Result<Cropped
         },
         keep,
         kept_labels,
+        parts,
+        density: args.recipe.density.clone(),
         non_finite,
         clamped,
     })
@@ -291,7 +346,11 @@ fn classified(mut fields: Fields, cropped: &Cropped) -> Dense {
         let hu = if cropped.keep.excludes(label) && !cropped.kept_labels.is_empty() {
             AIR_HU
         } else {
-            hu.round()
+            cropped
+                .density
+                .as_ref()
+                .map_or(hu, |d| d.standard_hu(hu))
+                .round()
         };
         #[expect(
             clippy::cast_possible_truncation,

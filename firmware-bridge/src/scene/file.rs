@@ -4,7 +4,8 @@
 //! in the file, applied at every load, so that no step of preparation adds its own rounding. Each volume's
 //! hash is checked at load.
 
-use super::{SceneArgs, SceneError};
+use super::recipe::{Calibration, Cartilage, Part, Recipe};
+use super::{SceneArgs, SceneError, plan};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -23,17 +24,73 @@ const MAX_BYTES: u64 = 1 << 20;
 pub struct SceneFile {
     /// [`FORMAT`].
     pub format: u32,
-    /// The CT.
-    pub volume: VolumeEntry,
+    /// The CT; absent in a scene of the built-in phantom.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub volume: Option<VolumeEntry>,
+    /// The built-in phantom instead of a CT.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub phantom: Option<Phantom>,
     /// The label map on the CT's grid.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub labels: Option<LabelsEntry>,
     /// How the bone's surface is found.
     #[serde(default)]
     pub surface: Surface,
+    /// Cartilage on the joint face.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cartilage: Option<Cartilage>,
+    /// What CT numbers mean on this scanner; absent: as the feel says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub density: Option<Calibration>,
     /// Where the volume came from.
     #[serde(default)]
     pub source: Source,
+}
+
+/// The built-in phantom, and what is wrong with it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Phantom {
+    /// Seed of its texture.
+    pub seed: u64,
+    /// Edge of its voxels, mm.
+    pub voxel_mm: f64,
+    /// Posterior erosion: how far the eroded half of the face looks backwards, degrees; 0: none.
+    pub erosion_deg: f64,
+    /// Depth of the erosion in its middle, mm.
+    pub erosion_mm: f64,
+    /// Density of plate and cancellous bone over the normal one.
+    pub density: f64,
+}
+
+impl Default for Phantom {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            voxel_mm: super::phantom::VOXEL_MM,
+            erosion_deg: 0.0,
+            erosion_mm: 0.0,
+            density: 1.0,
+        }
+    }
+}
+
+impl Phantom {
+    fn check(&self, path: &Path) -> Result<(), SceneError> {
+        let sensible = (0.0..=35.0).contains(&self.erosion_deg)
+            && (0.0..=8.0).contains(&self.erosion_mm)
+            && (0.1..=2.0).contains(&self.density);
+        if sensible {
+            return Ok(());
+        }
+        Err(SceneError::File {
+            path: path.to_path_buf(),
+            problem: format!(
+                "phantom: erosion of {}° and {} mm, density {} (allowed: 0 to 35°, 0 to 8 mm, 0.1 to 2)",
+                self.erosion_deg, self.erosion_mm, self.density
+            ),
+        })
+    }
 }
 
 /// A volume's file.
@@ -57,6 +114,9 @@ pub struct LabelsEntry {
     /// Labels that are bone; none: all.
     #[serde(default)]
     pub keep: Vec<u8>,
+    /// Labels that are bone, but not to be cut.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub protect: Vec<u8>,
 }
 
 /// How the bone's surface is found.
@@ -68,6 +128,15 @@ pub struct Surface {
     /// Edge of the voxels, mm; absent: the CT's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voxel_mm: Option<f64>,
+    /// Which parts above the threshold are the bone.
+    #[serde(default)]
+    pub part: Part,
+    /// Parts smaller than this are loose fragments and left out, mm³.
+    #[serde(default)]
+    pub fragments_mm3: f64,
+    /// Corners of the box to keep, LPS, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub crop_mm: Option<[[f64; 3]; 2]>,
 }
 
 impl Default for Surface {
@@ -75,6 +144,9 @@ impl Default for Surface {
         Self {
             threshold_hu: 150.0,
             voxel_mm: None,
+            part: Part::All,
+            fragments_mm3: 0.0,
+            crop_mm: None,
         }
     }
 }
@@ -131,6 +203,25 @@ pub struct Gap {
     pub missing: usize,
 }
 
+/// Scenes that are built in: name, file, plan.
+const BUILT_IN: [(&str, &str, &str); 3] = [
+    (
+        "normal",
+        include_str!("../../scenarios/normal/scene.toml"),
+        include_str!("../../scenarios/normal/plan.json"),
+    ),
+    (
+        "eroded",
+        include_str!("../../scenarios/eroded/scene.toml"),
+        include_str!("../../scenarios/eroded/plan.json"),
+    ),
+    (
+        "soft",
+        include_str!("../../scenarios/soft/scene.toml"),
+        include_str!("../../scenarios/soft/plan.json"),
+    ),
+];
+
 /// `dir/scene.toml`, or `dir` itself where it is the file.
 pub fn path_in(dir: &Path) -> PathBuf {
     if dir.is_dir() {
@@ -140,9 +231,20 @@ pub fn path_in(dir: &Path) -> PathBuf {
     }
 }
 
+/// A built-in scene by its name, where nothing of that name is on disk: its file and plan.
+pub fn built_in(dir: &Path) -> Option<(&'static str, &'static str)> {
+    let named = BUILT_IN.iter().find(|(name, ..)| Path::new(name) == dir);
+    named
+        .filter(|_| !dir.exists())
+        .map(|&(_, file, plan)| (file, plan))
+}
+
 /// Reads a scene's file.
 pub fn read(dir: &Path) -> Result<SceneFile, SceneError> {
     let path = path_in(dir);
+    if let Some((text, _)) = built_in(dir) {
+        return parse(&path, text);
+    }
     let refuse = |problem: String| SceneError::File {
         path: path.clone(),
         problem,
@@ -150,7 +252,7 @@ pub fn read(dir: &Path) -> Result<SceneFile, SceneError> {
     let length = std::fs::metadata(&path)
         .map_err(|e| {
             refuse(format!(
-                "cannot be read ({e}); make a scene with 'osteon import'"
+                "cannot be read ({e}); make a scene with 'osteon import', or take normal, eroded or soft"
             ))
         })?
         .len();
@@ -161,7 +263,15 @@ pub fn read(dir: &Path) -> Result<SceneFile, SceneError> {
     }
     let text = std::fs::read_to_string(&path)
         .map_err(|e| refuse(format!("cannot be read ({e}); check the file")))?;
-    let file: SceneFile = toml::from_str(&text).map_err(|e| {
+    parse(&path, &text)
+}
+
+fn parse(path: &Path, text: &str) -> Result<SceneFile, SceneError> {
+    let refuse = |problem: String| SceneError::File {
+        path: path.to_path_buf(),
+        problem,
+    };
+    let file: SceneFile = toml::from_str(text).map_err(|e| {
         let line = e
             .span()
             .map_or(1, |s| text[..s.start].lines().count().max(1));
@@ -175,6 +285,11 @@ pub fn read(dir: &Path) -> Result<SceneFile, SceneError> {
             "format {}: this program reads {FORMAT}; import again",
             file.format
         )));
+    }
+    if file.volume.is_some() == file.phantom.is_some() {
+        return Err(refuse(
+            "needs either [volume] or [phantom]; import again".to_owned(),
+        ));
     }
     Ok(file)
 }
@@ -212,6 +327,9 @@ pub fn check_hash(path: &Path, expected: &str) -> Result<(), SceneError> {
 /// size that `args` have goes before the scene's own.
 pub(super) fn resolved(dir: &Path, args: &SceneArgs) -> Result<SceneArgs, SceneError> {
     let file = read(dir)?;
+    if let Some(phantom) = file.phantom {
+        return phantom_args(dir, args, phantom);
+    }
     let folder = path_in(dir)
         .parent()
         .map_or_else(PathBuf::new, Path::to_path_buf);
@@ -220,28 +338,81 @@ pub(super) fn resolved(dir: &Path, args: &SceneArgs) -> Result<SceneArgs, SceneE
         check_hash(&path, xxh3)?;
         Ok::<_, SceneError>(path)
     };
-    let bone = checked(&file.volume.file, &file.volume.xxh3)?;
+    let bone = match &file.volume {
+        Some(entry) => Some(checked(&entry.file, &entry.xxh3)?),
+        None => None,
+    };
     let labels = match &file.labels {
         Some(entry) => Some(checked(&entry.file, &entry.xxh3)?),
         None => None,
     };
     let pose = args.pose.clone().unwrap_or_else(|| folder.join(PLAN));
-    if !pose.is_file() {
+    let given = args.recipe.lps_from_plan;
+    if given.is_none() && !pose.is_file() {
         return Err(SceneError::File {
             path: pose,
             problem: "the scene has no plan yet; make one with 'osteon plan', or give --pose FILE"
                 .to_owned(),
         });
     }
+    let (keep, protect) = file
+        .labels
+        .map_or_else(Default::default, |l| (l.keep, l.protect));
+    let recipe = Recipe {
+        lps_from_plan: given,
+        part: file.surface.part,
+        fragments_mm3: file.surface.fragments_mm3,
+        crop_mm: file.surface.crop_mm,
+        protect,
+        cartilage: file.cartilage.filter(|_| given.is_none()),
+        density: file.density,
+        phantom: None,
+        wall_mm: if given.is_none() {
+            plan::wall_mm(&pose)?
+        } else {
+            0.0
+        },
+    };
+    recipe.check(&path_in(dir))?;
     Ok(SceneArgs {
         scene: None,
-        bone: Some(bone),
-        keep: file.labels.map_or(Vec::new(), |l| l.keep),
+        bone,
+        keep,
         labels,
         pose: Some(pose),
         threshold: file.surface.threshold_hu,
         voxel_mm: args.voxel_mm.or(file.surface.voxel_mm),
         seed: args.seed,
+        recipe,
+    })
+}
+
+/// The options of a phantom's scene. A built-in one's plan is in the program.
+fn phantom_args(dir: &Path, args: &SceneArgs, phantom: Phantom) -> Result<SceneArgs, SceneError> {
+    let path = path_in(dir);
+    phantom.check(&path)?;
+    let folder = path.parent().map_or_else(PathBuf::new, Path::to_path_buf);
+    let mut recipe = Recipe {
+        lps_from_plan: args.recipe.lps_from_plan,
+        phantom: Some(phantom),
+        ..Recipe::default()
+    };
+    let in_scene = folder.join(PLAN);
+    let mut pose = args.pose.clone();
+    match built_in(dir) {
+        Some((_, text)) if pose.is_none() && recipe.lps_from_plan.is_none() => {
+            recipe.lps_from_plan = Some(plan::parse(&path, text)?);
+        }
+        None if pose.is_none() && in_scene.is_file() => pose = Some(in_scene),
+        _ => {}
+    }
+    Ok(SceneArgs {
+        scene: None,
+        pose,
+        voxel_mm: args.voxel_mm.or(Some(phantom.voxel_mm)),
+        seed: phantom.seed,
+        recipe,
+        ..SceneArgs::default()
     })
 }
 

@@ -2,6 +2,7 @@
 //!
 //! Everything here runs once, before the servo starts, on all cores.
 
+mod cartilage;
 mod ct;
 pub mod dense;
 pub mod file;
@@ -10,11 +11,13 @@ mod memory;
 pub mod nifti;
 pub mod phantom;
 pub mod plan;
+pub mod recipe;
 pub mod resample;
 pub mod text_ct;
 
 use osteon_sim_core::bone::{Bone, BoneError};
 use osteon_sim_core::pose::Pose;
+use recipe::{Parts, Recipe};
 use resample::ResampleError;
 use serde::Serialize;
 use std::borrow::Cow;
@@ -24,7 +27,7 @@ use std::sync::Arc;
 /// Which bone to load, and how.
 #[derive(Debug, Clone, clap::Args)]
 pub struct SceneArgs {
-    /// A scene's folder, as 'osteon import' makes it
+    /// A scene's folder, as 'osteon import' makes it; or one that is built in: normal, eroded, soft
     #[arg(long, value_name = "DIR", conflicts_with_all = ["bone", "labels", "keep", "threshold", "seed"])]
     pub scene: Option<PathBuf>,
     /// CT of the bone: NIfTI (.nii, .nii.gz) or text (.txt, .csv, .xyz: `x y z density`) [default: the built-in scapula phantom]
@@ -53,6 +56,9 @@ pub struct SceneArgs {
     /// Seed of the phantom's texture
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
+    /// Preparation that a scene's file asks for.
+    #[arg(skip)]
+    pub recipe: Recipe,
 }
 
 impl Default for SceneArgs {
@@ -66,6 +72,7 @@ impl Default for SceneArgs {
             threshold: 150.0,
             voxel_mm: None,
             seed: 1,
+            recipe: Recipe::default(),
         }
     }
 }
@@ -83,6 +90,8 @@ pub struct Scene {
     pub summary: SceneSummary,
     /// Labels that count as this bone, ascending; empty where there is no label map.
     pub kept_labels: Vec<u8>,
+    /// Labels of bone that is not to be cut.
+    pub protected_labels: Vec<u8>,
 }
 
 /// Figures of a loaded bone.
@@ -108,6 +117,12 @@ pub struct SceneSummary {
     pub clamped_voxels: usize,
     /// Voxels that a text CT leaves out of its grid (taken as empty).
     pub absent_voxels: usize,
+    /// Parts found and left out.
+    pub parts: Parts,
+    /// Cartilage laid on the joint face, mm³.
+    pub cartilage_mm3: f64,
+    /// Bone that is a wall by the plan, mm³.
+    pub wall_mm3: f64,
 }
 
 /// Why no scene could be made: one line with what, where and the remedy.
@@ -272,6 +287,9 @@ impl SceneSummary {
             non_finite_voxels: 0,
             clamped_voxels: 0,
             absent_voxels: 0,
+            parts: Parts::default(),
+            cartilage_mm3: 0.0,
+            wall_mm3: 0.0,
         }
     }
 }

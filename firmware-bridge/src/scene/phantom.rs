@@ -37,6 +37,11 @@ pub const BOX: (DVec3, DVec3) = (
     DVec3::new(46.0, 52.0, 30.0),
 );
 
+/// Medial end of the scapular spine, phantom frame, mm.
+pub const TRIGONUM_SPINAE: DVec3 = DVec3::new(-3.0, 10.0, -96.0);
+/// Lowest point of the blade, phantom frame, mm.
+pub const INFERIOR_ANGLE: DVec3 = DVec3::new(-3.0, -94.0, -75.0);
+
 // apparent densities, g/cm³
 const CARTILAGE: f64 = 0.10;
 const PLATE: f64 = 1.9;
@@ -54,21 +59,23 @@ pub(super) fn load(
     progress("shaping the phantom", 0.0);
     let voxel_mm = args.voxel_mm.unwrap_or(VOXEL_MM);
     let grid = grid(voxel_mm)?;
-    let shape = Scapula::default();
+    let wrong = args.recipe.phantom.unwrap_or_default();
+    let shape = Scapula::eroded(wrong.erosion_deg, wrong.erosion_mm);
     let phi = field(&grid, &shape);
     progress("finding the surface", 0.4);
     let solid_mm = distance(&grid, &phi)?;
     let error = lattice_error(&grid, &shape, &phi, &solid_mm);
     progress("filling in tissue", 0.6);
-    let dense = tissues(grid, &shape, solid_mm, args.seed);
-    let bone_from_plan = match &args.pose {
-        Some(path) => {
+    let dense = tissues(grid, (&shape, wrong.density), solid_mm, args.seed);
+    let bone_from_plan = match (&args.pose, &args.recipe.lps_from_plan) {
+        (_, Some(lps_from_plan)) => dense.lps_from_bone.inverse().then(lps_from_plan),
+        (Some(path), None) => {
             let pose = dense.lps_from_bone.inverse().then(&plan::read(path)?);
             plan::check_near(path, &grid, &pose)?;
             pose
         }
         // the lattice's axes are the phantom's
-        None => Pose::new(DQuat::IDENTITY, -BOX.0),
+        (None, None) => Pose::new(DQuat::IDENTITY, -BOX.0),
     };
     let bone = dense.into_bone()?;
     progress("bone ready", 1.0);
@@ -77,9 +84,16 @@ pub(super) fn load(
     Ok(Scene {
         bone: Arc::new(bone),
         bone_from_plan,
-        source: format!("phantom (seed {})", args.seed),
+        source: match args.recipe.phantom {
+            None => format!("phantom (seed {})", args.seed),
+            Some(p) => format!(
+                "phantom (seed {}, erosion {}° {} mm, density {})",
+                p.seed, p.erosion_deg, p.erosion_mm, p.density
+            ),
+        },
         summary,
         kept_labels: vec![LABEL],
+        protected_labels: Vec::new(),
     })
 }
 
@@ -191,7 +205,7 @@ fn lattice_error(grid: &Grid, shape: &Scapula, phi: &[f32], solid_mm: &[f32]) ->
 
 /// Density, class and label of every voxel near or in the bone. Voxels just outside take the
 /// density of the tissue next to them, so that interpolation does not soften the surface.
-fn tissues(grid: Grid, shape: &Scapula, solid_mm: Vec<f32>, seed: u64) -> Dense {
+fn tissues(grid: Grid, (shape, scale): (&Scapula, f64), solid_mm: Vec<f32>, seed: u64) -> Dense {
     let lattice = Lattice::of(&grid);
     let of_voxel = |(at, &solid): (usize, &f32)| {
         if !near_bone(&grid, solid) {
@@ -199,6 +213,8 @@ fn tissues(grid: Grid, shape: &Scapula, solid_mm: Vec<f32>, seed: u64) -> Dense 
         }
         let [i, j, k] = lattice.coord(at);
         let (tissue, density) = tissue_at(shape, BOX.0 + grid.centre(i, j, k), seed);
+        let soft = matches!(tissue, Tissue::Subchondral | Tissue::Cancellous);
+        let density = if soft { density * scale } else { density };
         #[expect(clippy::cast_possible_truncation, reason = "densities below 2 g/cm³")]
         let hu = hu_of_density(density).round() as i16;
         (hu, tissue as u8, LABEL)
@@ -222,7 +238,7 @@ fn tissues(grid: Grid, shape: &Scapula, solid_mm: Vec<f32>, seed: u64) -> Dense 
 
 /// Tissue and apparent density, g/cm³, at a point (phantom frame, mm) of the bone.
 fn tissue_at(shape: &Scapula, p: DVec3, seed: u64) -> (Tissue, f64) {
-    if let Some(depth) = shape::depth_under_face(p) {
+    if let Some(depth) = shape.depth_under_face(p) {
         if depth < CARTILAGE_MM {
             return (Tissue::Cartilage, CARTILAGE);
         }

@@ -21,6 +21,48 @@ pub fn read(path: &Path) -> Result<Pose, SceneError> {
         path: path.to_path_buf(),
         problem,
     };
+    of_json(&json(path)?).map_err(refuse)
+}
+
+/// The same of a text; `path` is named in errors.
+pub fn parse(path: &Path, text: &str) -> Result<Pose, SceneError> {
+    let refuse = |problem: String| SceneError::Plan {
+        path: path.to_path_buf(),
+        problem,
+    };
+    let json = serde_json::from_str(text).map_err(|e| refuse(format!("is not JSON ({e})")))?;
+    of_json(&json).map_err(refuse)
+}
+
+fn of_json(json: &Value) -> Result<Pose, String> {
+    if let Some(frame) = json.get("frame")
+        && !frame.as_str().is_some_and(|f| f.contains("LPS"))
+    {
+        return Err(format!(
+            "frame = {frame}: only DICOM LPS is read; convert the numbers"
+        ));
+    }
+    let centre = vector(json, "glenoid_centre")?;
+    let outward = vector(json, "glenoid_normal_outward")?;
+    if !(1e-3..=1e3).contains(&outward.length()) {
+        return Err("glenoid_normal_outward has no usable length; give a unit vector".to_owned());
+    }
+    Ok(Pose::from_origin_and_z(centre, outward))
+}
+
+/// Thickness of the wall that a plan asks for, mm; 0 where it says nothing.
+pub fn wall_mm(path: &Path) -> Result<f64, SceneError> {
+    Ok(json(path)?
+        .get("wall_mm")
+        .and_then(Value::as_f64)
+        .unwrap_or(0.0))
+}
+
+fn json(path: &Path) -> Result<Value, SceneError> {
+    let refuse = |problem: String| SceneError::Plan {
+        path: path.to_path_buf(),
+        problem,
+    };
     let length = std::fs::metadata(path)
         .map_err(|e| refuse(format!("cannot be read ({e}); check the path")))?
         .len();
@@ -31,23 +73,7 @@ pub fn read(path: &Path) -> Result<Pose, SceneError> {
     }
     let text = std::fs::read_to_string(path)
         .map_err(|e| refuse(format!("cannot be read ({e}); check the file")))?;
-    let json: Value = serde_json::from_str(&text)
-        .map_err(|e| refuse(format!("is not JSON ({e}); correct the file")))?;
-    if let Some(frame) = json.get("frame")
-        && !frame.as_str().is_some_and(|f| f.contains("LPS"))
-    {
-        return Err(refuse(format!(
-            "frame = {frame}: only DICOM LPS is read; convert the numbers"
-        )));
-    }
-    let centre = vector(&json, "glenoid_centre").map_err(refuse)?;
-    let outward = vector(&json, "glenoid_normal_outward").map_err(refuse)?;
-    if !(1e-3..=1e3).contains(&outward.length()) {
-        return Err(refuse(
-            "glenoid_normal_outward has no usable length; give a unit vector".to_owned(),
-        ));
-    }
-    Ok(Pose::from_origin_and_z(centre, outward))
+    serde_json::from_str(&text).map_err(|e| refuse(format!("is not JSON ({e}); correct the file")))
 }
 
 /// Three finite numbers of at most 100 m.

@@ -122,7 +122,7 @@ impl Files {
     }
 }
 
-fn quiet(args: &SceneArgs) -> Result<Scene, SceneError> {
+pub(crate) fn quiet(args: &SceneArgs) -> Result<Scene, SceneError> {
     load(args, &mut |_, _| ())
 }
 

@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 /// `SplitMix64`.
-pub struct Random(pub u64);
+pub(crate) struct Random(pub u64);
 
 impl Random {
     fn bits(&mut self) -> u64 {
@@ -41,7 +41,7 @@ impl Random {
 
 /// Messages that were read as another one, of as many that were damaged in each direction.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub struct Mistaken {
+pub(crate) struct Mistaken {
     /// Commands of this protocol.
     pub commands: u64,
     /// States of this protocol.
@@ -94,7 +94,7 @@ fn line_is_mistaken<const N: usize>(random: &mut Random, numbers: [i32; N]) -> b
 }
 
 /// Damages `count` messages in each direction and protocol.
-pub fn flips(random: &mut Random, count: u64) -> Mistaken {
+pub(crate) fn flips(random: &mut Random, count: u64) -> Mistaken {
     let mut mistaken = Mistaken::default();
     for _ in 0..count {
         let torque = [(); 3].map(|()| random.small(2047));
@@ -132,7 +132,7 @@ pub fn flips(random: &mut Random, count: u64) -> Mistaken {
 
 /// What random bytes were taken for by every decoder of the device link.
 #[derive(Debug, Default)]
-pub struct Heard {
+pub(crate) struct Heard {
     /// Frames taken for a message, either direction.
     pub messages: u64,
     /// Frames refused.
@@ -145,7 +145,7 @@ pub struct Heard {
 
 /// Feeds `count` bytes to every decoder: small ones in every second block, as delimiters, tags and lengths come
 /// often there; digits and brackets in every fourth, as lines have them.
-pub fn random_bytes(random: &mut Random, count: u64) -> Heard {
+pub(crate) fn random_bytes(random: &mut Random, count: u64) -> Heard {
     let mut heard = Heard::default();
     let (mut host, mut device) = (FrameReader::new(), FrameReader::new());
     let (mut commands, mut states) = (LineReader::<3>::new(), LineReader::<8>::new());

@@ -46,6 +46,8 @@ pub struct Component {
     pub height_mm: f64,
     /// Thickness in the middle, mm.
     pub thickness_mm: f64,
+    /// Diameter of the reamer that makes its bed, mm.
+    pub reamer_mm: f64,
     /// Its pegs; the first is the central one.
     pub pegs: Vec<Peg>,
 }
@@ -128,7 +130,7 @@ impl Component {
         let over = |p: &&BackPoint| {
             let from = bone_from_component.point(p.position - p.inward * OVER_MM);
             let along = bone_from_component.vector(p.inward);
-            first_surface(&sampler, from, along, 2.0 * OVER_MM).is_some()
+            first_surface(&|p| f64::from(sampler.depth(p)), from, along, 2.0 * OVER_MM).is_some()
         };
         points.iter().filter(over).count() as f64 / points.len().max(1) as f64
     }

@@ -13,20 +13,26 @@ const LEAST_STEP_MM: f64 = 0.02;
 const HALVINGS: usize = 40;
 /// Distance of the rays, mm.
 const RAYS_MM: f64 = 1.0;
-/// A point farther than this from the face's sphere is rim or beyond, mm.
+/// A point farther from the face's sphere than so many times its spread is rim or beyond …
+const SPREADS: f64 = 2.5;
+/// … but within these bounds, mm.
+const LEAST_RIM_MM: f64 = 0.4;
 const RIM_MM: f64 = 2.0;
 /// Fewest points that make a face.
 const FEWEST: usize = 60;
 
 /// Distance along a ray, mm, from `from` in the unit direction `along` to where what is left of the bone
 /// begins, within `reach_mm`. 0 where the ray begins inside.
+///
+/// `depth` is the distance into the bone at a point, mm, positive inside, nowhere farther from 0 than the
+/// surface is.
 pub fn first_surface(
-    sampler: &Sampler<'_>,
+    depth: &dyn Fn(DVec3) -> f64,
     from: DVec3,
     along: DVec3,
     reach_mm: f64,
 ) -> Option<f64> {
-    let depth = |t: f64| f64::from(sampler.depth(from + along * t));
+    let depth = |t: f64| depth(from + along * t);
     let mut t = 0.0;
     let mut outside = 0.0;
     while t <= reach_mm {
@@ -71,15 +77,24 @@ pub struct Face {
 /// along −z first meet bone, without what lies off their common sphere (the rim and what is beyond). `None`
 /// where there is no such face.
 pub fn find(bone: &Bone, bone_from_guess: &Pose, radius_mm: f64) -> Option<Face> {
-    const ABOVE_MM: f64 = 12.0;
-    const REACH_MM: f64 = 24.0;
     let cut = Cut::new(bone);
     let sampler = Sampler::new(bone, &cut);
+    find_by(&|p| f64::from(sampler.depth(p)), bone_from_guess, radius_mm)
+}
+
+/// The same on any distance field, as for [`first_surface`].
+pub fn find_by(
+    depth: &dyn Fn(DVec3) -> f64,
+    bone_from_guess: &Pose,
+    radius_mm: f64,
+) -> Option<Face> {
+    const ABOVE_MM: f64 = 12.0;
+    const REACH_MM: f64 = 24.0;
     let inward = -bone_from_guess.vector(DVec3::Z);
     let mut points = Vec::new();
     for (x, y) in disc(radius_mm, RAYS_MM) {
         let from = bone_from_guess.point(DVec3::new(x, y, ABOVE_MM));
-        if let Some(t) = first_surface(&sampler, from, inward, REACH_MM) {
+        if let Some(t) = first_surface(depth, from, inward, REACH_MM) {
             points.push(from + inward * t);
         }
     }
@@ -90,10 +105,11 @@ pub fn find(bone: &Bone, bone_from_guess: &Pose, radius_mm: f64) -> Option<Face>
             return None;
         }
         let ball = sphere(&kept)?;
+        let near = (SPREADS * ball.rms_mm).clamp(LEAST_RIM_MM, RIM_MM);
         let next: Vec<DVec3> = points
             .iter()
             .copied()
-            .filter(|p| (p.distance(ball.centre) - ball.radius_mm).abs() < RIM_MM)
+            .filter(|p| (p.distance(ball.centre) - ball.radius_mm).abs() < near)
             .collect();
         if next.len() == kept.len() {
             break;

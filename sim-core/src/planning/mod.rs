@@ -3,4 +3,5 @@
 pub mod component;
 pub mod face;
 pub mod fit;
+pub mod perform;
 pub mod scapula;

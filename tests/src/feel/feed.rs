@@ -2,7 +2,7 @@
 
 use super::device::FINE;
 use super::guided::Guided;
-use super::setup::{Spec, ball, socket};
+use super::setup::{Scene, Spec, ball, socket};
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
 use osteon_sim_core::feel::Feel;
@@ -192,7 +192,15 @@ pub struct LedgerRow {
 pub fn seated(faced: &Faced, density: f64, spindle: bool) -> (Guided, Spec) {
     let wide = 2.0 * faced.radius_mm + 5.0;
     let extent = DVec3::new(wide, wide, faced.depth_mm + 12.0);
-    let mut spec = Spec::at(socket(&faced.tool, extent, faced.depth_mm, density, 0.5));
+    seated_in(
+        socket(&faced.tool, extent, faced.depth_mm, density, 0.5),
+        spindle,
+    )
+}
+
+/// A tool at the base frame's origin of a scene, in a socket of its own shape.
+pub fn seated_in(scene: Scene, spindle: bool) -> (Guided, Spec) {
+    let mut spec = Spec::at(scene);
     spec.scale = FINE;
     let mut guided = Guided::new(&spec, DVec3::Z * 10.0, spindle);
     guided.glide(DVec3::Z * 0.01, 40.0);
@@ -201,7 +209,21 @@ pub fn seated(faced: &Faced, density: f64, spindle: bool) -> (Guided, Spec) {
 
 /// A tool under a constant push in a bone of one density.
 pub fn fed(faced: &Faced, density: f64, push_n_physical: f64) -> (FeedRow, LedgerRow) {
-    let (mut guided, spec) = seated(faced, density, true);
+    fed_in(
+        seated(faced, density, true),
+        faced,
+        density,
+        push_n_physical,
+    )
+}
+
+/// The same of a tool that stands in its bone already.
+pub fn fed_in(
+    (mut guided, spec): (Guided, Spec),
+    faced: &Faced,
+    density: f64,
+    push_n_physical: f64,
+) -> (FeedRow, LedgerRow) {
     let law = Law::of(&spec.feel, density);
     let push = push_n_physical * spec.feel.force_scale;
     guided.push_up_to(push, 0.1);

@@ -7,6 +7,8 @@
 pub mod ablation;
 pub mod bench;
 pub mod cases;
+#[cfg(test)]
+mod ct_density;
 pub mod device;
 pub mod feed;
 pub mod force_table;

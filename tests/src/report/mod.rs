@@ -25,6 +25,8 @@ pub enum Report {
     Latency(latency::LatencyArgs),
     /// Where the host takes the stylus to be, against the plant's truth: at rest, in motion, with potentiometers
     Pose(pose::PoseArgs),
+    /// A session against its plan: HTML, JSON, a table over many sessions
+    Session(osteon_firmware_bridge::clinic::report::SessionArgs),
     /// How still, safe and true the force loop is, with its hard cases and other programs' defects beside it
     Stability(stability::StabilityArgs),
 }
@@ -36,6 +38,7 @@ pub fn run(report: &Report) -> Result<()> {
         Report::Faults(args) => faults::run(args),
         Report::Latency(args) => latency::run(args),
         Report::Pose(args) => pose::run(args),
+        Report::Session(args) => osteon_firmware_bridge::clinic::report::run(args),
         Report::Stability(args) => stability::run(args),
     }
 }

@@ -69,7 +69,7 @@ impl Body for ScaledScapula {
     }
 
     fn tissue(&self, p: DVec3, value: f64) -> Tissue {
-        if let Some(depth) = shape::depth_under_face(self.in_phantom(p)) {
+        if let Some(depth) = self.shape.depth_under_face(self.in_phantom(p)) {
             if depth < CARTILAGE_MM {
                 return Tissue::Cartilage;
             }

@@ -62,6 +62,8 @@ pub struct Scapula {
     // wall of the spine and roof of the acromion
     walls: Group<Plate>,
     coracoid: Group<Beam>,
+    // centre of the eroded face's ball, mm
+    eroded: Option<DVec3>,
 }
 
 impl Group<Beam> {
@@ -169,6 +171,7 @@ impl Default for Scapula {
         let outer = [-20.0, 37.0, 17.0];
         Self {
             outline: cut_corners(&OUTLINE),
+            eroded: None,
             pillar: Group::of_beams(chain(&[
                 [-1.0, -15.0, -12.0, 6.0],
                 [-5.0, -38.0, -32.0, 5.0],
@@ -215,7 +218,7 @@ impl Scapula {
         let spine = smooth_max(self.walls.value(p, floor), ridge, 3.0);
         v = smooth_max(v, spine, BLEND);
         // the humeral head's place is free of bone: this is what makes the face concave
-        smooth_min(v, face_depth(p), 1.0)
+        smooth_min(v, self.face_depth(p), 1.0)
     }
 
     /// The blade: a bent sheet, hollow in front, thicker along its borders. Some value below
@@ -236,6 +239,36 @@ impl Scapula {
         smooth_min(half - aside, edge, 2.0) * 0.92
     }
 
+    /// A scapula whose posterior half of the face is eroded (biconcave, as Walch's type B2): a second ball of
+    /// the face's radius, `mm` deep in its middle, which looks `deg` backwards.
+    pub fn eroded(deg: f64, mm: f64) -> Self {
+        // the middle of the eroded half
+        let middle = DVec3::new(-7.0, 0.0, 0.0);
+        let (sin, cos) = libm::sincos(deg.to_radians());
+        let out = DVec3::new(-sin, 0.0, cos);
+        let on_face =
+            middle.with_z(FACE_RADIUS_MM - (FACE_RADIUS_MM * FACE_RADIUS_MM - 49.0).sqrt());
+        Self {
+            eroded: (mm > 0.0).then(|| on_face - DVec3::Z * mm + out * FACE_RADIUS_MM),
+            ..Self::default()
+        }
+    }
+
+    /// Depth below the joint face, mm, the eroded part included.
+    fn face_depth(&self, p: DVec3) -> f64 {
+        let whole = face_depth(p);
+        match self.eroded {
+            Some(centre) => whole.min(p.distance(centre) - FACE_RADIUS_MM),
+            None => whole,
+        }
+    }
+
+    /// Depth below the joint face, mm, where a cartilage-covered face lies above `p`; the oval ends a
+    /// little inside the rim.
+    pub fn depth_under_face(&self, p: DVec3) -> Option<f64> {
+        (oval(p.x, p.y, 0.0) > 1.2 && p.z > -14.0).then(|| self.face_depth(p))
+    }
+
     /// Its gradient by central differences.
     pub fn gradient(&self, p: DVec3) -> DVec3 {
         const STEP: f64 = 0.05;
@@ -246,12 +279,6 @@ impl Scapula {
             along(DVec3::Z * STEP),
         )
     }
-}
-
-/// Depth below the joint face, mm, where a cartilage-covered face lies above `p`; the oval ends a
-/// little inside the rim.
-pub fn depth_under_face(p: DVec3) -> Option<f64> {
-    (oval(p.x, p.y, 0.0) > 1.2 && p.z > -10.0).then(|| face_depth(p))
 }
 
 /// Depth below the sphere of the joint face, mm.

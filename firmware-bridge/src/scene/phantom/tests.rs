@@ -8,7 +8,7 @@ fn fields(voxel_mm: f64, seed: u64) -> Dense {
     let grid = grid(voxel_mm).expect("valid");
     let shape = Scapula::default();
     let solid = distance(&grid, &field(&grid, &shape)).expect("lengths fit");
-    tissues(grid, &shape, solid, seed)
+    tissues(grid, (&shape, 1.0), solid, seed)
 }
 
 /// Dense index of the voxel nearest to `p` (phantom frame, mm).
