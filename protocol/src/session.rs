@@ -70,6 +70,8 @@ pub struct SceneSource {
     pub voxel_mm: Option<f64>,
     /// Seed of the phantom's texture.
     pub seed: u64,
+    /// Scene: its folder, or the name of one that is built in.
+    pub scene: Option<String>,
 }
 
 /// A file that a session has read.

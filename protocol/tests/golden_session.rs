@@ -57,6 +57,7 @@ fn setup() {
             threshold_hu: 1.0,
             voxel_mm: Some(1.0),
             seed: 5,
+            scene: None,
         },
         tools: None,
         files: vec![InputFile {
@@ -88,7 +89,7 @@ fn setup() {
             &[1, 1, b'b', 0, 2, 1, 2, 0],
             &[0, 0, 0x80, 0x3F, 1],
             &F64_1,
-            &[5, 0, 1, 4],
+            &[5, 0, 0, 1, 4],
             b"bone",
             &[1, b'b', 0x80, 0x01, 2, b'0', b'f'],
             &[0xFF; 9],

@@ -392,6 +392,10 @@ fn other_messages_out_of_range_are_refused_by_name() {
         spoil(&mut bad);
         refuses(field, &ToViewer::Pose(bad));
     }
+}
+
+#[test]
+fn updates_health_and_joins_out_of_range_are_refused_by_name() {
     let mut cut = removal();
     cut.removed_mm3_by_class[3] = f64::NAN;
     refuses("removed volume", &ToViewer::Removals(vec![removal(), cut]));

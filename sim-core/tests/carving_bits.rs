@@ -86,11 +86,7 @@ fn compare(bone: &Bone, tool: &Tool, poses: &[Pose], oracle: &mut Oracle) {
         })
         .collect();
     assert!(cuts.iter().all(|c| c.totals() == cuts[0].totals()));
-    // the account of every step against the difference of the first state and the last
-    let whole = Cut::new(bone);
-    let lost =
-        (0..bone.chunk_count()).map(|c| whole.solid_units(bone, c) - cuts[0].solid_units(bone, c));
-    assert_eq!(cuts[0].totals().by_tool[0], lost.sum::<i64>());
+    account_is_right(bone, &cuts[0]);
     let grid = bone.grid();
     let quantum = f64::from(grid.quantum_mm());
     let bounds = tool.shape.bounds();

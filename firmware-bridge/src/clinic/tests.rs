@@ -160,27 +160,6 @@ fn each_scenario_is_played_and_judged_the_same_twice() {
         let target = Target::load(Path::new(name), &mut |_, _| {}).expect(name);
         let hand = stroke(&target, &Pose::IDENTITY);
         let played = play(&target, &Tool::standard_set(), &Feel::default(), hand).expect(name);
-        let points = osteon_sim_core::metrics::surface::carved_points(
-            &target.scene.bone,
-            &played.cut,
-            &target.bone_from_component.inverse(),
-        );
-        let found = osteon_sim_core::metrics::surface::Achieved::find(&points, &target.component);
-        eprintln!(
-            "{name}: ticks {} points {} face {:?} {} pegs {:?} axis {:?} uses {:?}",
-            played.trace.ticks.len(),
-            points.len(),
-            found.face,
-            found.face_points.len(),
-            found.pegs,
-            super::session::tool_axis(&played.trace, &target.bone_from_component),
-            played
-                .trace
-                .uses()
-                .iter()
-                .map(|u| (u.0, u.1.len()))
-                .collect::<Vec<_>>()
-        );
         let page = super::report::html(
             &target,
             &played,

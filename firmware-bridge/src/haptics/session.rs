@@ -38,7 +38,7 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::sync_channel;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -144,13 +144,11 @@ fn with_listener(
 ) -> anyhow::Result<()> {
     let &Session { tools, scene, .. } = session;
     let guide = Guide::new(args.task, args.scene.scene.as_deref(), scene)?;
-    let pose_log = pose_log(args)?;
     let blank = args.record.as_deref().map(Blank::new).transpose()?;
     if stop.load(Ordering::Relaxed) {
         bail!("asked to end before the session began");
     }
-    let spec = args.device.parse::<DeviceSpec>();
-    let spec = spec.map_err(|e| anyhow!("--device {e}"))?;
+    let spec = device_spec(args)?;
     let mut link = link::open(&spec)?;
     let link_name = clip(&link.describe()).to_owned();
     let (record_in, record_out) = rtrb::RingBuffer::new(RING_RECORDS);
@@ -171,7 +169,7 @@ fn with_listener(
         scene: Arc::new(wire_scene(session, args.force_limit)),
         plan_from_bone: scene.bone_from_plan.inverse(),
         link_name: link_name.clone(),
-        pose_log,
+        pose_log: pose_log(args)?,
         viewers: Viewers::new(scene.bone.chunk_count()),
         health: None,
     };
@@ -263,6 +261,10 @@ fn recorder(
     Ok(Some((recorder, Tap::new(ticks_in))))
 }
 
+fn device_spec(args: &HapticsArgs) -> anyhow::Result<DeviceSpec> {
+    (args.device.parse()).map_err(|e| anyhow!("--device {e}"))
+}
+
 fn pose_log(args: &HapticsArgs) -> anyhow::Result<Option<Box<dyn Write + Send>>> {
     let Some(path) = &args.pose_log else {
         return Ok(None);
@@ -344,15 +346,11 @@ fn start(thread: ServoThread, pace: (Master, u64), realtime: bool) -> anyhow::Re
     Ok(Running {
         thread: handle,
         stop,
-        refused: receive(&rights_out)?,
+        refused: rights_out
+            .recv_timeout(Duration::from_secs(5))
+            .context("the servo thread did not start")?,
         began: Instant::now(),
     })
-}
-
-fn receive(rights: &Receiver<Vec<String>>) -> anyhow::Result<Vec<String>> {
-    rights
-        .recv_timeout(Duration::from_secs(5))
-        .context("the servo thread did not start")
 }
 
 /// Serves until the servo thread has ended by itself (false), or somebody wants the session's end (true).

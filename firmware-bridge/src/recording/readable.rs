@@ -191,5 +191,6 @@ fn request(request: Request) -> String {
         Request::TurnWorkspace(angle) => format!("turn of the workspace {angle} rad"),
         Request::Checkpoint => "checkpoint".to_owned(),
         Request::Undo => "undo".to_owned(),
+        Request::Reconnected => "device connected again".to_owned(),
     }
 }

@@ -5,6 +5,7 @@ use crate::feel::in_force;
 use crate::import::hash_file;
 use crate::link::DeviceInfo;
 use crate::progress::Progress;
+use crate::scene::file::NAME as SCENE_FILE;
 use crate::scene::{self, Scene, SceneArgs};
 use crate::tools::{self, Detail, ToolArgs};
 use anyhow::{Context as _, anyhow, bail};
@@ -32,8 +33,12 @@ pub(crate) struct Begun<'a> {
 
 /// Writes a session's beginning down. Reads all input files once more, for their hashes.
 pub(crate) fn describe(begun: &Begun<'_>) -> anyhow::Result<Setup> {
-    let args = &*scene::resolve(begun.scene_args)?;
+    let args = begun.scene_args;
+    // a scene's file has the hashes of all that it is made of; one that is built in has no file
+    let recipe = args.scene.as_ref().map(|dir| dir.join(SCENE_FILE));
+    let recipe = recipe.filter(|path| path.exists());
     let named = [
+        ("scene", &recipe),
         ("bone", &args.bone),
         ("labels", &args.labels),
         ("pose", &args.pose),
@@ -63,6 +68,7 @@ pub(crate) fn describe(begun: &Begun<'_>) -> anyhow::Result<Setup> {
             threshold_hu: args.threshold,
             voxel_mm: args.voxel_mm,
             seed: args.seed,
+            scene: (args.scene.as_ref()).map(|scene| scene.display().to_string()),
         },
         tools: path_of("tools"),
         bone_hash: begun.scene.bone.digest(),
@@ -122,6 +128,9 @@ pub struct Moved {
     /// The recorded tools file, where it is now
     #[arg(long, value_name = "FILE")]
     pub tools: Option<PathBuf>,
+    /// The recorded scene's folder, where it is now
+    #[arg(long, value_name = "DIR")]
+    pub scene: Option<PathBuf>,
 }
 
 /// A session as it was before its first tick.
@@ -153,8 +162,9 @@ fn load(
         let file = setup.files.iter().find(|f| f.role == role);
         file.map(|f| path_now(f, moved))
     };
+    let folder = now("scene").and_then(|file| file.parent().map(Path::to_path_buf));
     let scene_args = SceneArgs {
-        scene: None,
+        scene: folder.or_else(|| setup.scene.scene.as_ref().map(PathBuf::from)),
         bone: now("bone"),
         labels: now("labels"),
         keep: setup.scene.keep.clone(),
@@ -162,6 +172,7 @@ fn load(
         threshold: setup.scene.threshold_hu,
         voxel_mm: setup.scene.voxel_mm,
         seed: setup.scene.seed,
+        ..SceneArgs::default()
     };
     let tools = tools::load(
         &ToolArgs {
@@ -198,11 +209,13 @@ fn load(
 }
 
 fn path_now(file: &InputFile, moved: &Moved) -> PathBuf {
+    let scene = moved.scene.as_ref().map(|dir| dir.join(SCENE_FILE));
     let now = match file.role.as_str() {
         "bone" => &moved.bone,
         "labels" => &moved.labels,
         "pose" => &moved.pose,
         "tools" => &moved.tools,
+        "scene" => &scene,
         _ => &None,
     };
     now.clone().unwrap_or_else(|| PathBuf::from(&file.path))

@@ -14,7 +14,7 @@ mod apron;
 use anyhow::{Context as _, Result, ensure};
 use apron::{APRON, Apron, apron_index};
 use glam::{DQuat, DVec3};
-use osteon_firmware_bridge::scene::phantom::shape::{self, LIPSCHITZ, Scapula};
+use osteon_firmware_bridge::scene::phantom::shape::{LIPSCHITZ, Scapula};
 use osteon_firmware_bridge::scene::phantom::{BOX, CARTILAGE_MM, PLATE_MM, SHELL_MM};
 use osteon_sim_core::bone::{Bone, ChunkData};
 use osteon_sim_core::grid::{BRICK, CHUNK, CHUNK_VOXELS, Grid, brick_origin, voxel_in_chunk};
