@@ -1,12 +1,19 @@
 //! Sessions recorded by real processes: played again to the same bits, whatever became of the process.
-#![expect(clippy::expect_used, reason = "what goes wrong here is a failed test")]
+#![expect(
+    clippy::expect_used,
+    clippy::panic,
+    reason = "what goes wrong here is a failed test"
+)]
 
 use osteon_tests::{
-    data, fake, haptics, json, number, one_at_a_time, refused, run, stroke, text, until, workspace,
+    Running, data, fake, haptics, json, number, one_at_a_time, refused, run, stroke, text, until,
+    workspace,
 };
 use rustix::process::Signal;
 use serde_json::Value;
+use std::io::{BufRead as _, BufReader, Lines, Write as _};
 use std::path::Path;
+use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::Duration;
 
 const OSTEON: &str = env!("CARGO_BIN_EXE_osteon");
@@ -129,6 +136,96 @@ fn a_killed_session_has_lost_a_second_at_most() {
     let ticks = number(&found, "/ticks");
     assert!(ticks > told - 1000.0, "{ticks} of more than {told}");
     assert!(number(&found, "/removed_mm3") > 0.0);
+}
+
+/// A replay that serves viewers, and takes orders.
+struct Watched {
+    child: Child,
+    words: Lines<BufReader<ChildStdout>>,
+}
+
+impl Watched {
+    fn start(dir: &Path, file: &Path, socket: &Path) -> Self {
+        let mut child = Command::new(OSTEON)
+            .args([
+                "replay",
+                text_of(file),
+                "--socket",
+                text_of(socket),
+                "--speed",
+                "4",
+            ])
+            .env("XDG_RUNTIME_DIR", dir)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("started");
+        let words = BufReader::new(child.stdout.take().expect("output")).lines();
+        Self { child, words }
+    }
+
+    /// Gives an order; the moment of the session after it, s, and whether it plays.
+    fn order(&mut self, order: &str) -> (f64, bool) {
+        let orders = self.child.stdin.as_mut().expect("input");
+        writeln!(orders, "{order}").expect("written");
+        for line in self.words.by_ref() {
+            let line = line.expect("a line");
+            if line.contains(" s, p") {
+                let word = |n: usize| line.split_whitespace().nth(n).unwrap_or("");
+                return (word(1).parse().expect("a time"), word(3) == "playing,");
+            }
+        }
+        panic!("no answer to {order}");
+    }
+}
+
+#[test]
+fn a_replay_is_watched_at_any_speed_and_from_any_moment() {
+    let _turn = one_at_a_time();
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    let file = dir.join("session.mcap");
+    let device = fake(OSTEON, dir, Some(&stroke::peck(dir)));
+    let mut session = haptics(OSTEON, dir, &["--record", text_of(&file), "--seconds", "8"]);
+    assert!(session.wait(LIMIT).success());
+    drop(device);
+    let (socket, report) = (dir.join("w/replay.sock"), dir.join("viewer.json"));
+    let mut film = Watched::start(dir, &file, &socket);
+    until("the replay's socket", LIMIT, || socket.exists());
+    let args = [
+        "view",
+        "--mirror-only",
+        "--socket",
+        text_of(&socket),
+        "--report",
+        text_of(&report),
+    ];
+    let mut viewer = Running::start(OSTEON, &args, dir, "view");
+    std::thread::sleep(Duration::from_secs(2));
+    let near = |(at, playing): (f64, bool), (wanted, plays): (f64, bool)| {
+        assert!(
+            (at - wanted).abs() < 0.05 && playing == plays,
+            "{at} s, {wanted} s"
+        );
+    };
+    let (paused, _) = film.order("pause");
+    assert!(paused > 1.0, "{paused}");
+    near(film.order("seek 7"), (7.0, false));
+    near(film.order("step 100"), (7.1, false));
+    near(film.order("step -3100"), (4.0, false));
+    near(film.order("seek 0"), (0.0, false));
+    near(film.order("speed 20"), (0.0, false));
+    near(film.order("play"), (0.0, true));
+    std::thread::sleep(Duration::from_secs(1));
+    let (played, _) = film.order("pause");
+    assert!(played > 1.0, "{played}");
+    near(film.order("seek 6.5"), (6.5, false));
+    writeln!(film.child.stdin.as_mut().expect("input"), "quit").expect("written");
+    // the replay has compared the viewer's bone with its own
+    assert!(film.child.wait().expect("an end").success());
+    assert!(viewer.wait(LIMIT).success());
+    let report = json(&report);
+    assert!(number(&report, "/updates") > 0.0, "{report:#}");
 }
 
 #[test]

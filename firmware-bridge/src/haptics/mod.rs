@@ -8,6 +8,7 @@
 mod loads;
 mod mirror;
 mod notes;
+mod opening;
 mod publisher;
 mod reconnect;
 pub(crate) mod record;
@@ -22,7 +23,9 @@ mod stats;
 pub(crate) mod tests;
 mod viewers;
 
-pub(crate) use publisher::{warn, wire_digest, wire_pose};
+pub(crate) use opening::{Session, publisher_of};
+pub(crate) use publisher::{Publisher, warn, wire_digest, wire_pose};
+pub(crate) use record::{Felt, Flags, Record, TickRecord};
 
 pub use loads::{GuardReport, Loads};
 pub use report::SessionReport;

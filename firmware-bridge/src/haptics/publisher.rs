@@ -18,6 +18,7 @@ use interprocess::local_socket::Listener;
 use osteon_protocol::device::DriveState;
 use osteon_protocol::ipc::{Command, Digest, Health, PoseUpdate, RemovalEvent, Scene, WirePose};
 use osteon_sim_core::cut::{Cut, CutDigest};
+use osteon_sim_core::grid::BRICKS_PER_CHUNK;
 use osteon_sim_core::pose::Pose;
 use osteon_sim_core::servo::Request;
 use rtrb::{Consumer, Producer};
@@ -111,7 +112,25 @@ impl Publisher {
         });
     }
 
-    fn take(&mut self, record: &Record) {
+    /// Shows another moment of the session under a new epoch: the bricks that differ follow.
+    pub(crate) fn leap(&mut self, cut: &Cut, epoch: u32) {
+        let mirror = &mut self.mirror;
+        for chunk in 0..mirror.bone.chunk_count() {
+            let touched = mirror.cut.touched(chunk) | cut.touched(chunk);
+            for brick in (0..BRICKS_PER_CHUNK).filter(|b| touched >> b & 1 == 1) {
+                if mirror.cut.values_of(chunk, brick) != cut.values_of(chunk, brick) {
+                    self.viewers.mark(chunk, brick);
+                }
+            }
+        }
+        mirror.cut = cut.clone();
+        mirror.cut.set_epoch(epoch);
+        let removed = mirror.removed_mm3_by_class();
+        self.viewers.undone(epoch, removed);
+    }
+
+    /// Takes over a record.
+    pub(crate) fn take(&mut self, record: &Record) {
         let viewers = &mut self.viewers;
         self.mirror.apply(record, &mut |chunk, brick| {
             viewers.mark(chunk, brick);

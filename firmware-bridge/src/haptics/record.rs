@@ -6,6 +6,7 @@ use osteon_protocol::device::DriveState;
 use osteon_sim_core::carve::CarveStep;
 use osteon_sim_core::chain::GuardCounts;
 use osteon_sim_core::pose::Pose;
+use osteon_sim_core::servo::{Servo, TickOutput};
 use osteon_sim_core::tissue::TISSUES;
 
 /// Records that the ring holds: more than three seconds of the busiest ticks, ten of usual ones.
@@ -137,4 +138,34 @@ pub(crate) struct Felt {
     pub energy_mj: f64,
     /// Millimetres of the tool per millimetre of the stylus.
     pub motion_scale: f64,
+}
+
+impl Flags {
+    /// Of a tick.
+    pub(crate) fn of(output: &TickOutput) -> Self {
+        Self {
+            spindle_on: output.spindle_on,
+            paused: output.paused,
+            embedded: output.embedded,
+            waiting: output.waiting,
+            saturated: output.saturated,
+            clutched: output.clutched,
+        }
+    }
+}
+
+impl Felt {
+    /// Of a tick, and of the servo after it.
+    pub(crate) fn of(output: &TickOutput, servo: &Servo) -> Self {
+        Self {
+            physical_force_n: output.physical_force_n.length(),
+            vibration_n: output.vibration_n.length(),
+            holding_torque_nmm: output.holding_torque_nmm.length(),
+            spindle_rad_s: output.spindle_rad_s,
+            spindle_nmm: output.spindle_nmm,
+            spindle_load: output.spindle_load,
+            energy_mj: output.energy_mj,
+            motion_scale: servo.motion_scale(),
+        }
+    }
 }

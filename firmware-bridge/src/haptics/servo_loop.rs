@@ -3,7 +3,7 @@
 //! After [`run`] has entered its loop it allocates nothing, takes no lock, opens and logs nothing. On
 //! every way out (stop, error, panic) the last bytes it sends are a zero torque and a disarm.
 
-use super::record::{COPY_VALUES, Felt, Record, TickRecord};
+use super::record::{COPY_VALUES, Felt, Flags, Record, TickRecord};
 use super::resync::Resync;
 use crate::link::{DeviceLink, LinkError};
 use crate::recording::{Recorded, Tap, link_in_file, outcome, sample_in_file};
@@ -287,16 +287,9 @@ pub(crate) fn one_beat(
         bone_from_device: output.bone_from_device,
         bone_from_tool: output.bone_from_tool,
         force_n: output.force_n,
-        felt: felt(&output, &thread.servo),
+        felt: Felt::of(&output, &thread.servo),
         tool: output.tool,
-        flags: super::record::Flags {
-            spindle_on: output.spindle_on,
-            paused: output.paused,
-            embedded: output.embedded,
-            waiting: output.waiting,
-            saturated: output.saturated,
-            clutched: output.clutched,
-        },
+        flags: Flags::of(&output),
         removed_by_class: output.removed_by_class,
         epoch: output.epoch,
         checkpoints: output.checkpoints,
@@ -343,19 +336,6 @@ fn record(
         outcome: outcome(output, &thread.servo),
         link: link_in_file(beat.last_state.as_ref(), thread.link.stats()),
     });
-}
-
-fn felt(output: &TickOutput, servo: &Servo) -> Felt {
-    Felt {
-        physical_force_n: output.physical_force_n.length(),
-        vibration_n: output.vibration_n.length(),
-        holding_torque_nmm: output.holding_torque_nmm.length(),
-        spindle_rad_s: output.spindle_rad_s,
-        spindle_nmm: output.spindle_nmm,
-        spindle_load: output.spindle_load,
-        energy_mj: output.energy_mj,
-        motion_scale: servo.motion_scale(),
-    }
 }
 
 /// Steps that began since the reset, the pending one included.

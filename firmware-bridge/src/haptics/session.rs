@@ -4,8 +4,8 @@
     reason = "grid edges are at most 4096"
 )]
 
-use super::mirror::Mirror;
 use super::notes::Notes;
+use super::opening::{Session, publisher_of};
 use super::publisher::{Publisher, warn, wire_digest, wire_pose};
 use super::reconnect::{self, Comings, Left};
 use super::record::RING_RECORDS;
@@ -18,7 +18,6 @@ use super::{HapticsArgs, default_socket, socket};
 use crate::clinic::guide::Guide;
 use crate::feel;
 use crate::link::{self, DeviceLink, DeviceSpec};
-use crate::passage::{Layers, Passages};
 use crate::progress::Progress;
 use crate::recording::{Begun, Blank, RING_TICKS, Recorder, Tap, describe};
 use crate::rt::{self, RtReport};
@@ -26,7 +25,7 @@ use crate::scene::{self, Scene};
 use crate::stop;
 use crate::tools::{self, Detail, LoadedTools};
 use anyhow::{Context as _, anyhow, bail};
-use osteon_protocol::ipc::{Digest, ToolInfo};
+use osteon_protocol::ipc::Digest;
 use osteon_protocol::ipc_frame::clip;
 use osteon_sim_core::feel::Feel;
 use osteon_sim_core::grid::Grid;
@@ -46,13 +45,6 @@ use std::time::{Duration, Instant};
 const VISIT: Duration = Duration::from_millis(4);
 /// Longest wait for a viewer's last digest.
 const DIGEST_TIMEOUT: Duration = Duration::from_secs(10);
-
-/// What a session is about.
-struct Session<'a> {
-    tools: &'a [Tool],
-    scene: &'a Scene,
-    feel: &'a Feel,
-}
 
 /// A running servo thread.
 struct Running {
@@ -154,25 +146,11 @@ fn with_listener(
     let (record_in, record_out) = rtrb::RingBuffer::new(RING_RECORDS);
     let (request_in, request_out) = rtrb::RingBuffer::new(64);
     let servo = make_servo(args, session, link.as_ref())?;
-    let mut publisher = Publisher {
-        mirror: Mirror::new(Arc::clone(&scene.bone), tools.to_vec()),
-        stats: Stats::new(tools),
-        passages: Passages::new(
-            Layers::along(&scene.bone, &scene.bone_from_plan),
-            scene.bone_from_plan.inverse(),
-            tools.len(),
-        ),
-        guide,
-        records: record_out,
-        requests: request_in,
-        listener,
-        scene: Arc::new(wire_scene(session, args.force_limit)),
-        plan_from_bone: scene.bone_from_plan.inverse(),
-        link_name: link_name.clone(),
-        pose_log: pose_log(args)?,
-        viewers: Viewers::new(scene.bone.chunk_count()),
-        health: None,
-    };
+    let shown = (listener, link_name.clone());
+    let rings = (record_out, request_in);
+    let mut publisher = publisher_of(session, args.force_limit, shown, rings);
+    publisher.guide = guide;
+    publisher.pose_log = pose_log(args)?;
     let resync = Resync::new(&scene.bone, tools.to_vec());
     let master = reconnect::master(args.clock, link.as_ref())?;
     let comings = Comings::new(args, spec, link.as_ref());
@@ -296,31 +274,6 @@ fn servo_setup(args: &HapticsArgs, session: &Session<'_>, link: &dyn DeviceLink)
         device: link.info().scale,
         force_limit_n: args.force_limit,
         feel: *feel,
-    }
-}
-
-fn wire_scene(session: &Session<'_>, force_limit_n: f64) -> osteon_protocol::ipc::Scene {
-    let &Session { tools, scene, feel } = session;
-    let grid = scene.bone.grid();
-    osteon_protocol::ipc::Scene {
-        source: clip(&scene.source).to_owned(),
-        dims: grid.dims.map(|n| n as u32),
-        spacing_mm: grid.spacing_mm.to_array(),
-        lps_from_bone: wire_pose(scene.bone.lps_from_bone()),
-        bone_from_plan: wire_pose(&scene.bone_from_plan),
-        chunks: scene.bone.chunk_count() as u32,
-        solid_mm3: scene.summary.solid_mm3,
-        tools: tools
-            .iter()
-            .map(|t| ToolInfo {
-                name: t.name.clone(),
-                id: t.id.clone(),
-                outline_mm: t.shape.outline(),
-                rpm: t.rpm as f32,
-            })
-            .collect(),
-        force_limit_n,
-        force_scale: feel.force_scale,
     }
 }
 

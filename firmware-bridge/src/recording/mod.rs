@@ -20,7 +20,8 @@ mod sink;
 pub(crate) mod tests;
 
 pub(crate) use entry::{
-    RING_TICKS, Recorded, Tap, link_in_file, outcome, request_of, sample_in_file, sample_of,
+    RING_TICKS, Recorded, Tap, drive_of, link_in_file, outcome, request_of, sample_in_file,
+    sample_of,
 };
 pub(crate) use readable::Readable;
 pub use reader::{Entry, Reader, RecordingError};

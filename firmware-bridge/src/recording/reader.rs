@@ -139,6 +139,25 @@ impl Reader {
         &self.setup
     }
 
+    /// Passes over the next `count` ticks, unread.
+    pub(crate) fn pass_over(&mut self, count: u64) -> Result<(), RecordingError> {
+        let mut left = count;
+        while left > 0 {
+            match self.messages.next() {
+                Some(Ok(message)) if message.channel.topic == TICK_TOPIC => left -= 1,
+                Some(Ok(_)) => {}
+                Some(Err(e)) => {
+                    return Err(RecordingError::NoSession {
+                        path: self.path.clone(),
+                        reason: format!("{left} ticks are missing: {e}"),
+                    });
+                }
+                None => break,
+            }
+        }
+        Ok(())
+    }
+
     /// After the last entry: why the file ends where it does, if not in its own end.
     pub fn cut_short(&self) -> Option<&str> {
         self.cut_short.as_deref()

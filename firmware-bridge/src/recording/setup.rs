@@ -136,6 +136,8 @@ pub struct Moved {
 /// A session as it was before its first tick.
 pub(crate) struct Restored {
     pub scene: Scene,
+    pub tools: Vec<Tool>,
+    pub feel: Feel,
     pub servo: Servo,
 }
 
@@ -195,7 +197,7 @@ fn load(
     let feel = feel_of(setup)?;
     let servo = Servo::new(ServoSetup {
         bone: Arc::clone(&scene.bone),
-        tools,
+        tools: tools.clone(),
         bone_from_base: pose_of(&setup.bone_from_base)?,
         bone_from_plan: pose_of(&setup.bone_from_plan)?,
         device: scale_of(&setup.device)?,
@@ -205,6 +207,8 @@ fn load(
     Ok(Restored {
         servo: servo.ok_or_else(|| anyhow!("the recording has no tools, or too many"))?,
         scene,
+        tools,
+        feel,
     })
 }
 

@@ -53,10 +53,16 @@ impl Player {
         (output, differs)
     }
 
-    /// The cut with all steps carved whole that have begun. For between two ticks; copies the servo.
-    pub(crate) fn digest(&self) -> CutDigest {
+    /// A copy whose steps are all carved whole that have begun. For between two ticks.
+    pub(crate) fn whole(&self) -> Servo {
         let mut whole = self.servo.clone();
         whole.finish_carving();
+        whole
+    }
+
+    /// The cut of [`Self::whole`].
+    pub(crate) fn digest(&self) -> CutDigest {
+        let whole = self.whole();
         whole.cut().digest(whole.bone())
     }
 }
