@@ -204,7 +204,7 @@ fn a_replay_is_watched_at_any_speed_and_from_any_moment() {
     std::thread::sleep(Duration::from_secs(2));
     let near = |(at, playing): (f64, bool), (wanted, plays): (f64, bool)| {
         assert!(
-            (at - wanted).abs() < 0.05 && playing == plays,
+            (at - wanted).abs() < 0.25 && playing == plays,
             "{at} s, {wanted} s"
         );
     };

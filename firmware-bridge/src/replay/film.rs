@@ -90,16 +90,9 @@ impl Film {
 
     /// To a moment of the session, s.
     pub(super) fn seek(&mut self, seconds: f64) -> anyhow::Result<()> {
-        // ticks are a millisecond apart, but for skipped periods
-        let target_ns = seconds * 1e9;
-        let share = (target_ns / (self.survey.last_ns.max(1) as f64)).clamp(0.0, 1.0);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a share of a count"
-        )]
-        let tick = (share * self.survey.ticks as f64) as u64;
-        self.go_to(tick)
+        let times = &self.survey.times_ns;
+        let tick = times.partition_point(|ns| (*ns as f64) < seconds * 1e9);
+        self.go_to(tick as u64)
     }
 
     /// Compares every viewer's bone with the film's and says farewell.
@@ -186,10 +179,9 @@ impl Film {
                 self.publisher.visit(None);
             }
         }
-        if last.is_none() {
-            // a keyframe's own moment, but for skipped periods
-            self.now_ns = to * 1_000_000;
-        }
+        let begun = usize::try_from(to).ok().and_then(|n| n.checked_sub(1));
+        let time = begun.and_then(|n| self.survey.times_ns.get(n));
+        self.now_ns = time.copied().unwrap_or(0);
         self.epochs = self.publisher.mirror.cut.epoch() + 1;
         let whole = self.player.whole();
         let epoch = self.epoch(whole.cut().epoch());

@@ -11,8 +11,8 @@ use std::path::Path;
 pub(crate) struct Survey {
     /// Ticks from the first on without a gap.
     pub ticks: u64,
-    /// Beginning of the last of them, ns.
-    pub last_ns: u64,
+    /// When each began, ns.
+    pub times_ns: Vec<u64>,
     /// Digests by the number of ticks that were over.
     pub digests: BTreeMap<u64, Digest>,
     /// Ticks that the recorder lost; the replay ends before them.
@@ -34,7 +34,7 @@ impl Survey {
                     gap |= tick.tick != survey.ticks;
                     if !gap {
                         survey.ticks += 1;
-                        survey.last_ns = tick.started_ns;
+                        survey.times_ns.push(tick.started_ns);
                     }
                 }
                 Entry::Mark(Mark::Digest { ticks, digest }) => {
@@ -52,6 +52,6 @@ impl Survey {
 
     /// Length of what can be played, s.
     pub(crate) fn seconds(&self) -> f64 {
-        self.last_ns as f64 * 1e-9
+        self.times_ns.last().map_or(0.0, |ns| *ns as f64 * 1e-9)
     }
 }
