@@ -1,8 +1,4 @@
 //! One session from the first option to the last digest.
-#![expect(
-    clippy::cast_possible_truncation,
-    reason = "grid edges are at most 4096"
-)]
 
 use super::notes::Notes;
 use super::opening::{Session, publisher_of};
@@ -12,8 +8,7 @@ use super::record::RING_RECORDS;
 use super::report::{Facts, SessionReport};
 use super::resync::Resync;
 use super::servo_loop::{self, Ending, Finished, Master, ServoThread};
-use super::stats::Stats;
-use super::viewers::{ViewerReport, Viewers};
+use super::viewers::ViewerReport;
 use super::{HapticsArgs, default_socket, socket};
 use crate::clinic::guide::Guide;
 use crate::feel;
@@ -21,13 +16,12 @@ use crate::link::{self, DeviceLink, DeviceSpec};
 use crate::progress::Progress;
 use crate::recording::{Begun, Blank, RING_TICKS, Recorder, Tap, describe};
 use crate::rt::{self, RtReport};
-use crate::scene::{self, Scene};
+use crate::scene;
 use crate::stop;
 use crate::tools::{self, Detail, LoadedTools};
 use anyhow::{Context as _, anyhow, bail};
 use osteon_protocol::ipc::Digest;
 use osteon_protocol::ipc_frame::clip;
-use osteon_sim_core::feel::Feel;
 use osteon_sim_core::grid::Grid;
 use osteon_sim_core::register::bone_from_base;
 use osteon_sim_core::servo::{Servo, ServoSetup};
