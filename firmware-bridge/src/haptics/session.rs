@@ -1,24 +1,15 @@
 //! One session from the first option to the last digest.
-#![expect(
-    clippy::cast_possible_truncation,
-    reason = "grid edges are at most 4096"
-)]
-
-use super::mirror::Mirror;
 use super::notes::Notes;
-use super::publisher::{Publisher, warn, wire_digest, wire_pose};
+use super::outset::Outset;
+use super::publisher::{Publisher, warn, wire_digest};
 use super::reconnect::{self, Comings, Left};
-use super::record::RING_RECORDS;
 use super::report::{Facts, SessionReport};
 use super::resync::Resync;
 use super::servo_loop::{self, Ending, Finished, Master, ServoThread};
-use super::stats::Stats;
-use super::viewers::{ViewerReport, Viewers};
+use super::viewers::ViewerReport;
 use super::{HapticsArgs, default_socket, socket};
-use crate::clinic::guide::Guide;
 use crate::feel;
 use crate::link::{self, DeviceLink, DeviceSpec};
-use crate::passage::{Layers, Passages};
 use crate::progress::Progress;
 use crate::recording::{Begun, Blank, RING_TICKS, Recorder, Tap, describe};
 use crate::rt::{self, RtReport};
@@ -26,7 +17,7 @@ use crate::scene::{self, Scene};
 use crate::stop;
 use crate::tools::{self, Detail, LoadedTools};
 use anyhow::{Context as _, anyhow, bail};
-use osteon_protocol::ipc::{Digest, ToolInfo};
+use osteon_protocol::ipc::Digest;
 use osteon_protocol::ipc_frame::clip;
 use osteon_sim_core::feel::Feel;
 use osteon_sim_core::grid::Grid;
@@ -34,7 +25,7 @@ use osteon_sim_core::register::bone_from_base;
 use osteon_sim_core::servo::{Servo, ServoSetup};
 use osteon_sim_core::tool::Tool;
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Write as _};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -48,10 +39,10 @@ const VISIT: Duration = Duration::from_millis(4);
 const DIGEST_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// What a session is about.
-struct Session<'a> {
-    tools: &'a [Tool],
-    scene: &'a Scene,
-    feel: &'a Feel,
+pub(super) struct Session<'a> {
+    pub(super) tools: &'a [Tool],
+    pub(super) scene: &'a Scene,
+    pub(super) feel: &'a Feel,
 }
 
 /// A running servo thread.
@@ -143,7 +134,7 @@ fn with_listener(
     listener: interprocess::local_socket::Listener,
 ) -> anyhow::Result<()> {
     let &Session { tools, scene, .. } = session;
-    let guide = Guide::new(args.task, args.scene.scene.as_deref(), scene)?;
+    let outset = Outset::new(args, scene)?;
     let blank = args.record.as_deref().map(Blank::new).transpose()?;
     if stop.load(Ordering::Relaxed) {
         bail!("asked to end before the session began");
@@ -151,28 +142,8 @@ fn with_listener(
     let spec = device_spec(args)?;
     let mut link = link::open(&spec)?;
     let link_name = clip(&link.describe()).to_owned();
-    let (record_in, record_out) = rtrb::RingBuffer::new(RING_RECORDS);
-    let (request_in, request_out) = rtrb::RingBuffer::new(64);
     let servo = make_servo(args, session, link.as_ref())?;
-    let mut publisher = Publisher {
-        mirror: Mirror::new(Arc::clone(&scene.bone), tools.to_vec()),
-        stats: Stats::new(tools),
-        passages: Passages::new(
-            Layers::along(&scene.bone, &scene.bone_from_plan),
-            scene.bone_from_plan.inverse(),
-            tools.len(),
-        ),
-        guide,
-        records: record_out,
-        requests: request_in,
-        listener,
-        scene: Arc::new(wire_scene(session, args.force_limit)),
-        plan_from_bone: scene.bone_from_plan.inverse(),
-        link_name: link_name.clone(),
-        pose_log: pose_log(args)?,
-        viewers: Viewers::new(scene.bone.chunk_count()),
-        health: None,
-    };
+    let (mut publisher, rings) = outset.publisher(session, listener, args.force_limit, &link_name);
     let resync = Resync::new(&scene.bone, tools.to_vec());
     let master = reconnect::master(args.clock, link.as_ref())?;
     let comings = Comings::new(args, spec, link.as_ref());
@@ -183,8 +154,8 @@ fn with_listener(
         resync,
         servo,
         link,
-        records: record_in,
-        requests: request_out,
+        records: rings.records,
+        requests: rings.requests,
         recording,
         panic_at_tick: args.panic_at_tick,
     };
@@ -265,16 +236,7 @@ fn device_spec(args: &HapticsArgs) -> anyhow::Result<DeviceSpec> {
     (args.device.parse()).map_err(|e| anyhow!("--device {e}"))
 }
 
-fn pose_log(args: &HapticsArgs) -> anyhow::Result<Option<Box<dyn Write + Send>>> {
-    let Some(path) = &args.pose_log else {
-        return Ok(None);
-    };
-    let mut log = BufWriter::new(create(path)?);
-    writeln!(log, "tick,state_seq,time_micros,x_mm,y_mm,z_mm")?;
-    Ok(Some(Box::new(log)))
-}
-
-fn create(path: &Path) -> anyhow::Result<File> {
+pub(super) fn create(path: &Path) -> anyhow::Result<File> {
     File::create(path).with_context(|| format!("{}: cannot write", path.display()))
 }
 
@@ -296,31 +258,6 @@ fn servo_setup(args: &HapticsArgs, session: &Session<'_>, link: &dyn DeviceLink)
         device: link.info().scale,
         force_limit_n: args.force_limit,
         feel: *feel,
-    }
-}
-
-fn wire_scene(session: &Session<'_>, force_limit_n: f64) -> osteon_protocol::ipc::Scene {
-    let &Session { tools, scene, feel } = session;
-    let grid = scene.bone.grid();
-    osteon_protocol::ipc::Scene {
-        source: clip(&scene.source).to_owned(),
-        dims: grid.dims.map(|n| n as u32),
-        spacing_mm: grid.spacing_mm.to_array(),
-        lps_from_bone: wire_pose(scene.bone.lps_from_bone()),
-        bone_from_plan: wire_pose(&scene.bone_from_plan),
-        chunks: scene.bone.chunk_count() as u32,
-        solid_mm3: scene.summary.solid_mm3,
-        tools: tools
-            .iter()
-            .map(|t| ToolInfo {
-                name: t.name.clone(),
-                id: t.id.clone(),
-                outline_mm: t.shape.outline(),
-                rpm: t.rpm as f32,
-            })
-            .collect(),
-        force_limit_n,
-        force_scale: feel.force_scale,
     }
 }
 
@@ -495,6 +432,6 @@ fn last_digests(publisher: &mut Publisher, digest: Digest) -> Option<ViewerRepor
     clippy::print_stdout,
     reason = "the one line that says that the session runs"
 )]
-fn say(text: &str) {
+pub(super) fn say(text: &str) {
     println!("{text}");
 }
