@@ -259,6 +259,7 @@ fn flood(at: &Where, stop: &AtomicBool) -> Option<Cut> {
 
 fn garbage(at: &Where, stop: &AtomicBool) -> Option<Cut> {
     let mut state = 0x9E37_79B9_7F4A_7C15_u64;
+    let mut polite = false;
     while !stop.load(Ordering::Relaxed) {
         let Some(mut stream) = connect(&at.socket) else {
             continue;
@@ -271,7 +272,8 @@ fn garbage(at: &Where, stop: &AtomicBool) -> Option<Cut> {
             *byte = state.to_le_bytes()[7];
         }
         // what a good viewer says first, so that the noise comes to a seat every other time
-        if state & 1 == 0 && stream.write_all(&hello("garbage", false)).is_err() {
+        polite = !polite;
+        if polite && stream.write_all(&hello("garbage", false)).is_err() {
             continue;
         }
         while !stop.load(Ordering::Relaxed) && stream.write(&noise).is_ok() {}
