@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 use osteon_firmware_bridge::{
-    bench, clinic, devices, doctor, export, fake, haptics, import, launcher, replay, selftest,
+    bench, clinic, devices, doctor, export, fake, haptics, import, keys, launcher, replay, selftest,
 };
 use osteon_tests::report;
 use std::process::ExitCode;
@@ -45,6 +45,9 @@ enum Task {
     Prepare(clinic::prepare::PrepareArgs),
     /// Plan a glenoid component in a scene from three landmarks
     Plan(clinic::plan::PlanArgs),
+    /// Make and show the key with which this user's programs talk to other machines, say whose are trusted
+    #[command(subcommand)]
+    Key(keys::KeyTask),
     /// Say what this machine can do: real-time rights, ports, display, graphics
     Doctor(doctor::DoctorArgs),
     /// Commission a device step by step: encoders, buttons, workspace, force, emergency stop; writes a record
@@ -67,7 +70,7 @@ fn main() -> ExitCode {
     let result = match task {
         Task::Demo(args) => launcher::run(&args, screen),
         Task::Haptics(args) => haptics::run(&args),
-        Task::View(args) => osteon_viewer::run(args),
+        Task::View(args) => view(args),
         Task::FakeOmni(args) => fake::run(&args),
         Task::Bench(args) => bench::run(&args),
         Task::Prepare(args) => clinic::prepare::run(&args),
@@ -76,6 +79,7 @@ fn main() -> ExitCode {
         Task::Devices(args) => devices::run(&args),
         Task::Replay(args) => replay::run(&args),
         Task::Export(args) => export::run(&args),
+        Task::Key(task) => keys::run(&task),
         Task::Doctor(args) => doctor::run(&args, screen),
         Task::Selftest(args) => selftest::run(&args),
         Task::Report(report) => report::run(&report),
@@ -87,6 +91,21 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// A viewer; where it shows a session of another machine, with the keys for that.
+fn view(mut args: osteon_viewer::ViewArgs) -> anyhow::Result<()> {
+    if let Some(address) = &args.connect {
+        let place = keys::KeyArgs {
+            keys: args.keys.clone(),
+        };
+        args.remote = Some(osteon_viewer::Remote {
+            address: address.clone(),
+            own: keys::identity(&place)?,
+            theirs: keys::peer(&place, args.peer.as_deref())?.key,
+        });
+    }
+    osteon_viewer::run(args)
 }
 
 /// What the viewer could show here.

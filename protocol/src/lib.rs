@@ -6,6 +6,7 @@
 //! * [`hfab`]: the text lines of open Phantom-class controllers, likewise `no_std`.
 //! * [`ipc`] (feature `std`): the messages between the haptics process and a viewer.
 //!   [`ipc_frame`] makes the bytes, packs bone and cut, and checks every range on arrival.
+//! * [`secure`] (feature `std`): the same messages over a network, authenticated and encrypted.
 //! * [`session`] (feature `std`): what a session file holds for a replay.
 //!
 //! The bytes are written down in `WIRE.md` and proven by golden tests. Decoders are total: no input
@@ -32,5 +33,7 @@ mod ipc_pack;
 #[cfg(feature = "std")]
 mod ipc_valid;
 pub mod omni_raw;
+#[cfg(feature = "std")]
+pub mod secure;
 #[cfg(feature = "std")]
 pub mod session;

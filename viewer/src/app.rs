@@ -251,7 +251,7 @@ impl App {
 
     fn status(&self) -> Status {
         let mut status = Status::new(&self.session.shared().mirror());
-        status.socket = self.args.socket.display().to_string();
+        status.socket = self.args.place().to_string();
         status.fps = self
             .session
             .times

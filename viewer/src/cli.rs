@@ -1,6 +1,6 @@
 //! Arguments of `osteon view`.
 
-use crate::link::{Joining, Place};
+use crate::link::{Joining, Place, Remote};
 use crate::render::method::Kind;
 use osteon_protocol::ipc::Role;
 use std::path::{Path, PathBuf};
@@ -11,6 +11,18 @@ pub struct ViewArgs {
     /// Socket of the haptics process.
     #[arg(long, value_name = "PATH", default_value_os_t = default_socket())]
     pub socket: PathBuf,
+    /// Show a session of another machine, started there with --listen (encrypted; 'osteon key' makes the keys)
+    #[arg(long, value_name = "HOST:PORT", conflicts_with = "socket")]
+    pub connect: Option<String>,
+    /// Whose machine that is: a name from 'osteon key trust' [default: the only one there is]
+    #[arg(long, value_name = "NAME", requires = "connect")]
+    pub peer: Option<String>,
+    /// Folder of the keys [default: osteon in the user's configuration folder]
+    #[arg(long, value_name = "DIR", requires = "connect")]
+    pub keys: Option<PathBuf>,
+    /// The other machine, with keys: filled in by the program from the three above.
+    #[arg(skip)]
+    pub remote: Option<Remote>,
     /// Who sits before this viewer: trainee (works with the stylus), trainer (may take control from a
     /// trainee), projector (shows, never in control).
     #[arg(long, value_name = "ROLE", default_value = "trainee", value_parser = parse_role)]
@@ -54,7 +66,10 @@ pub struct ViewArgs {
 impl ViewArgs {
     /// Where the haptics process is.
     pub(crate) fn place(&self) -> Place {
-        Place::Socket(self.socket.clone())
+        match &self.remote {
+            Some(remote) => Place::Net(remote.clone()),
+            None => Place::Socket(self.socket.clone()),
+        }
     }
 
     /// As what a viewer without a window joins: nobody sits before it.

@@ -39,6 +39,7 @@ mod watch;
 
 pub use adapter::{AdapterBrief, Probe, probe};
 pub use cli::ViewArgs;
+pub use link::Remote;
 pub use render::method::Kind as RendererKind;
 
 use session::Manners;

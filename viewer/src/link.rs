@@ -5,6 +5,7 @@ mod reader;
 mod transport;
 
 pub(crate) use transport::Place;
+pub use transport::Remote;
 
 use crate::mirror::{End, Mirror};
 use osteon_protocol::ipc::{Command, FromViewer, IPC_VERSION, Join, Resume, Role, capability};
@@ -41,6 +42,16 @@ pub(crate) enum LinkError {
     Connect {
         /// The socket.
         path: PathBuf,
+        /// Why.
+        reason: std::io::Error,
+    },
+    /// The other machine cannot be reached, or is not the one whose key is known.
+    #[error(
+        "no haptics process at {address} ({reason}); start one there with --listen, and let both trust each other's key ('osteon key')"
+    )]
+    Remote {
+        /// Where to.
+        address: String,
         /// Why.
         reason: std::io::Error,
     },

@@ -5,10 +5,13 @@
 //!                      ◀── ring of requests ──                        ◀── commands ──
 //! ```
 
+pub mod isolation;
 mod loads;
 mod mirror;
+mod net;
 mod notes;
 mod opening;
+mod outset;
 mod publisher;
 mod reconnect;
 pub(crate) mod record;
@@ -51,6 +54,13 @@ pub struct HapticsArgs {
     /// Socket for viewers [default: haptics.sock in the user's runtime directory]
     #[arg(long, value_name = "PATH")]
     pub socket: Option<PathBuf>,
+    /// Let viewers on other machines connect to this address and port, for example 0.0.0.0:4610 (encrypted;
+    /// only with keys that 'osteon key trust' knows) [default: none can]
+    #[arg(long, value_name = "HOST:PORT")]
+    pub listen: Option<String>,
+    /// The keys.
+    #[command(flatten)]
+    pub keys: crate::keys::KeyArgs,
     /// The bone.
     #[command(flatten)]
     pub scene: SceneArgs,
@@ -90,6 +100,9 @@ pub struct HapticsArgs {
     /// plays it again, 'osteon export FILE' makes tables and volumes. The file must not be there yet
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
+    /// Write when each tick began and how long it took (CSV), for the report on isolation
+    #[arg(long, hide = true, value_name = "FILE")]
+    pub timing_log: Option<PathBuf>,
     /// End with the process that started this one
     #[arg(long, hide = true)]
     pub die_with_parent: bool,

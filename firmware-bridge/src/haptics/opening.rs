@@ -48,10 +48,12 @@ pub(crate) fn publisher_of(
         records,
         requests,
         listener,
+        net: None,
         scene: Arc::new(wire_scene(session, force_limit_n)),
         plan_from_bone,
         link_name,
         pose_log: None,
+        timing_log: None,
         viewers: Viewers::new(scene.bone.chunk_count()),
         health: None,
     }

@@ -6,13 +6,15 @@
 )]
 
 use super::mirror::Mirror;
+use super::net::{self, Net};
 use super::record::{Record, TickRecord};
 use super::socket;
 use super::stats::Stats;
-use super::viewers::{Facts, Viewers};
+use super::viewers::{Facts, Peer, Viewers};
 use crate::clinic::guide::Guide;
 use crate::clinic::task::{Said, SaidKind};
 use crate::passage::Passages;
+use crate::rt::now_ns;
 use glam::DVec3;
 use interprocess::local_socket::Listener;
 use osteon_protocol::device::DriveState;
@@ -44,10 +46,13 @@ pub(crate) struct Publisher {
     pub records: Consumer<Record>,
     pub requests: Producer<Request>,
     pub listener: Listener,
+    /// The port for other machines, where one was asked for.
+    pub net: Option<Net>,
     pub scene: Arc<Scene>,
     pub plan_from_bone: Pose,
     pub link_name: String,
     pub pose_log: Option<Box<dyn Write + Send>>,
+    pub timing_log: Option<Box<dyn Write + Send>>,
     pub viewers: Viewers,
     pub health: Option<(Instant, Health)>,
 }
@@ -165,12 +170,25 @@ impl Publisher {
                     say_task(&said);
                 }
                 self.log_pose(tick);
+                self.log_timing(tick);
             }
             Record::Undone { epoch, .. } => {
                 let removed = self.mirror.removed_mm3_by_class();
                 self.viewers.undone(*epoch, removed);
             }
             Record::Brick(_) | Record::Checkpoint { .. } => {}
+        }
+    }
+
+    fn log_timing(&mut self, tick: &TickRecord) {
+        let Some(log) = &mut self.timing_log else {
+            return;
+        };
+        let held = self.viewers.held();
+        let (now, wake, took) = (now_ns(), tick.wake_ns, tick.duration_ns);
+        if let Err(e) = writeln!(log, "{now},{wake},{took},{},{held}", tick.skipped) {
+            warn(&format!("timing log: {e}; it ends here"));
+            self.timing_log = None;
         }
     }
 
@@ -186,10 +204,21 @@ impl Publisher {
     }
 
     fn accept(&mut self) {
+        self.accept_local();
+        let news = self.net.as_mut().map(|net| net.visit(MAX_ACCEPTED));
+        for news in news.into_iter().flatten() {
+            match news {
+                net::News::Viewer(wire, peer) => self.viewers.admit(wire, peer),
+                net::News::Refused(why) => self.viewers.refuse("a connection to the port", &why),
+            }
+        }
+    }
+
+    fn accept_local(&mut self) {
         for _ in 0..MAX_ACCEPTED {
             match socket::accept(&self.listener) {
                 None => return,
-                Some(Ok(stream)) => self.viewers.admit(Box::new(stream)),
+                Some(Ok(stream)) => self.viewers.admit(Box::new(stream), Peer::Local),
                 Some(Err(e)) => {
                     self.viewers.refuse("a connection:", &format!("{e:#}"));
                     return;

@@ -21,7 +21,7 @@ use osteon_sim_core::tool::Tool;
 use rtrb::{Consumer, RingBuffer};
 use std::sync::{Arc, Mutex, PoisonError};
 
-const HELLO: DeviceHello = DeviceHello {
+pub(super) const HELLO: DeviceHello = DeviceHello {
     version: 1,
     schema: 0,
     model: 1,
@@ -70,13 +70,13 @@ pub struct Rehearsal {
     pub removed: i64,
 }
 
-type Sent = Arc<Mutex<Vec<[i16; 3]>>>;
+pub(super) type Sent = Arc<Mutex<Vec<[i16; 3]>>>;
 
 /// A device that goes up and down the planned axis, 15 to −5 mm, every 8 s.
-struct Scripted {
-    info: DeviceInfo,
-    seq: u16,
-    sent: Sent,
+pub(super) struct Scripted {
+    pub(super) info: DeviceInfo,
+    pub(super) seq: u16,
+    pub(super) sent: Sent,
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "counts of small angles")]
@@ -148,7 +148,7 @@ fn left(viewer: Viewer, tick: u32) -> usize {
 }
 
 #[expect(clippy::expect_used, reason = "no input can make it fail")]
-fn scene_and_servo() -> (Scene, Servo) {
+pub(super) fn scene_and_servo() -> (Scene, Servo) {
     let args = SceneArgs {
         voxel_mm: Some(1.2),
         ..SceneArgs::default()

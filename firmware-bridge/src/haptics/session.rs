@@ -1,16 +1,14 @@
 //! One session from the first option to the last digest.
-
 use super::notes::Notes;
-use super::opening::{Session, publisher_of};
-use super::publisher::{Publisher, warn, wire_digest, wire_pose};
+use super::opening::Session;
+use super::outset::Outset;
+use super::publisher::{Publisher, warn, wire_digest};
 use super::reconnect::{self, Comings, Left};
-use super::record::RING_RECORDS;
 use super::report::{Facts, SessionReport};
 use super::resync::Resync;
 use super::servo_loop::{self, Ending, Finished, Master, ServoThread};
 use super::viewers::ViewerReport;
 use super::{HapticsArgs, default_socket, socket};
-use crate::clinic::guide::Guide;
 use crate::feel;
 use crate::link::{self, DeviceLink, DeviceSpec};
 use crate::progress::Progress;
@@ -27,7 +25,7 @@ use osteon_sim_core::register::bone_from_base;
 use osteon_sim_core::servo::{Servo, ServoSetup};
 use osteon_sim_core::tool::Tool;
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Write as _};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -129,7 +127,7 @@ fn with_listener(
     listener: interprocess::local_socket::Listener,
 ) -> anyhow::Result<()> {
     let &Session { tools, scene, .. } = session;
-    let guide = Guide::new(args.task, args.scene.scene.as_deref(), scene)?;
+    let outset = Outset::new(args, scene)?;
     let blank = args.record.as_deref().map(Blank::new).transpose()?;
     if stop.load(Ordering::Relaxed) {
         bail!("asked to end before the session began");
@@ -137,14 +135,8 @@ fn with_listener(
     let spec = device_spec(args)?;
     let mut link = link::open(&spec)?;
     let link_name = clip(&link.describe()).to_owned();
-    let (record_in, record_out) = rtrb::RingBuffer::new(RING_RECORDS);
-    let (request_in, request_out) = rtrb::RingBuffer::new(64);
     let servo = make_servo(args, session, link.as_ref())?;
-    let shown = (listener, link_name.clone());
-    let rings = (record_out, request_in);
-    let mut publisher = publisher_of(session, args.force_limit, shown, rings);
-    publisher.guide = guide;
-    publisher.pose_log = pose_log(args)?;
+    let (mut publisher, rings) = outset.publisher(session, listener, args.force_limit, &link_name);
     let resync = Resync::new(&scene.bone, tools.to_vec());
     let master = reconnect::master(args.clock, link.as_ref())?;
     let comings = Comings::new(args, spec, link.as_ref());
@@ -155,8 +147,8 @@ fn with_listener(
         resync,
         servo,
         link,
-        records: record_in,
-        requests: request_out,
+        records: rings.records,
+        requests: rings.requests,
         recording,
         panic_at_tick: args.panic_at_tick,
     };
@@ -237,16 +229,7 @@ fn device_spec(args: &HapticsArgs) -> anyhow::Result<DeviceSpec> {
     (args.device.parse()).map_err(|e| anyhow!("--device {e}"))
 }
 
-fn pose_log(args: &HapticsArgs) -> anyhow::Result<Option<Box<dyn Write + Send>>> {
-    let Some(path) = &args.pose_log else {
-        return Ok(None);
-    };
-    let mut log = BufWriter::new(create(path)?);
-    writeln!(log, "tick,state_seq,time_micros,x_mm,y_mm,z_mm")?;
-    Ok(Some(Box::new(log)))
-}
-
-fn create(path: &Path) -> anyhow::Result<File> {
+pub(super) fn create(path: &Path) -> anyhow::Result<File> {
     File::create(path).with_context(|| format!("{}: cannot write", path.display()))
 }
 
@@ -442,6 +425,6 @@ fn last_digests(publisher: &mut Publisher, digest: Digest) -> Option<ViewerRepor
     clippy::print_stdout,
     reason = "the one line that says that the session runs"
 )]
-fn say(text: &str) {
+pub(super) fn say(text: &str) {
     println!("{text}");
 }

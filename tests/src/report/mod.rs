@@ -3,6 +3,7 @@
 pub mod carver;
 pub mod carving;
 pub mod faults;
+pub mod isolation;
 pub mod latency;
 mod machine;
 pub mod plot;
@@ -21,6 +22,8 @@ pub enum Report {
     Carving(carving::CarvingArgs),
     /// Every fault of cable and device, in lockstep: time to zero torque, energy, recovery
     Faults(faults::FaultsArgs),
+    /// What viewers of every kind, good and bad, do to the force loop: its times, its bits, the bone, the memory
+    Isolation(isolation::IsolationArgs),
     /// How punctual the servo is here, beside cyclictest: by transport, scheduler and load
     Latency(latency::LatencyArgs),
     /// Where the host takes the stylus to be, against the plant's truth: at rest, in motion, with potentiometers
@@ -36,6 +39,7 @@ pub fn run(report: &Report) -> Result<()> {
     match report {
         Report::Carving(args) => carving::run(args),
         Report::Faults(args) => faults::run(args),
+        Report::Isolation(args) => isolation::run(args),
         Report::Latency(args) => latency::run(args),
         Report::Pose(args) => pose::run(args),
         Report::Session(args) => osteon_firmware_bridge::clinic::report::run(args),

@@ -19,6 +19,10 @@ fn args(socket: &Path, out: Option<PathBuf>) -> ViewArgs {
     ViewArgs {
         mirror_only: false,
         socket: socket.to_owned(),
+        connect: None,
+        peer: None,
+        keys: None,
+        remote: None,
         role: Role::Trainee,
         report: out.as_ref().map(|o| o.with_extension("json")),
         offscreen: out,

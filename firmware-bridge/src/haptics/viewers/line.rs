@@ -4,11 +4,21 @@
 use super::BATCH_BYTES;
 use osteon_protocol::ipc::{FromViewer, MAX_FROM_VIEWER, MAX_PAYLOAD, ToViewer};
 use osteon_protocol::ipc_frame::{HEADER_BYTES, StreamDecoder, encode_into};
+use osteon_protocol::secure::PublicKey;
 use std::io::{ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
 
 /// Bytes read at one visit.
 const READ_BYTES: usize = 4096;
+
+/// Who is at the other end, as far as it is proven.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Peer {
+    /// A process of the same user on this machine.
+    Local,
+    /// The owner of a trusted key.
+    Key(PublicKey),
+}
 
 /// A stream that does not block.
 pub(crate) trait Wire: Read + Write + Send {}

@@ -11,7 +11,7 @@ mod sent;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use line::Wire;
+pub(crate) use line::{Peer, Wire};
 pub(crate) use seat::ViewerReport;
 
 use super::mirror::Mirror;
@@ -82,6 +82,7 @@ pub(crate) struct Facts<'a> {
 /// A connection that has not joined.
 struct Waiting {
     line: Line,
+    peer: Peer,
     // said hello
     name: Option<String>,
 }
@@ -159,7 +160,7 @@ impl Viewers {
 
     /// Lets a connection into the waiting room. Where that is full, the one that has waited longest
     /// goes: a viewer says at once what it wants.
-    pub(crate) fn admit(&mut self, wire: Box<dyn Wire>) {
+    pub(crate) fn admit(&mut self, wire: Box<dyn Wire>, peer: Peer) {
         if self.waiting.len() >= WAITING_ROOM {
             self.waiting.remove(0);
             self.refuse(
@@ -169,6 +170,7 @@ impl Viewers {
         }
         self.waiting.push(Waiting {
             line: Line::new(wire),
+            peer,
             name: None,
         });
     }
@@ -270,11 +272,15 @@ impl Viewers {
     }
 
     fn join(&mut self, waiting: Waiting, join: &Join, facts: &Facts<'_>) {
-        let Waiting { mut line, name } = waiting;
+        let Waiting {
+            mut line,
+            name,
+            peer,
+        } = waiting;
         let name = name.unwrap_or_default();
         let kept = join
             .resume
-            .and_then(|resume| Some((self.kept(&resume)?, resume)));
+            .and_then(|resume| Some((self.kept(&resume, peer)?, resume)));
         let outcome = if let Some((at, resume)) = kept {
             self.counts.resumed += 1;
             self.seats[at].welcome_back(line, self.session, join, &resume, facts.mirror)
@@ -287,7 +293,7 @@ impl Viewers {
                 return;
             }
             let number = self.new_number();
-            let mut seat = Seat::new(number, random(), name, join, self.chunks);
+            let mut seat = Seat::new((number, random(), peer), name, join, self.chunks);
             let epoch = facts.mirror.cut.epoch();
             let outcome = seat.welcome(line, self.session, facts.scene, epoch);
             let holder = self.holder();
@@ -303,9 +309,10 @@ impl Viewers {
     }
 
     /// Where the seat is that a viewer wants back.
-    fn kept(&self, resume: &Resume) -> Option<usize> {
+    fn kept(&self, resume: &Resume, peer: Peer) -> Option<usize> {
         let ours = resume.session == self.session;
-        let at = self.seats.iter().position(|s| s.token == resume.seat);
+        let is_it = |s: &Seat| s.token == resume.seat && s.peer == peer;
+        let at = self.seats.iter().position(is_it);
         at.filter(|_| ours)
     }
 

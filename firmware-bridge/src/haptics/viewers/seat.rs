@@ -6,7 +6,7 @@
 )]
 
 use super::dirty::DirtySet;
-use super::line::{Ended, Line};
+use super::line::{Ended, Line, Peer};
 use super::pace::Pace;
 use super::sent::Sent;
 use super::{BATCH_BYTES, News};
@@ -55,6 +55,8 @@ pub(crate) struct Seat {
     pub number: u16,
     /// With it the seat can be resumed.
     pub token: u64,
+    /// Who it is; nobody else can resume it.
+    pub peer: Peer,
     pub name: String,
     pub role: Role,
     pub granted: u32,
@@ -87,11 +89,17 @@ pub(crate) struct Seat {
 
 impl Seat {
     /// A new viewer, which begins empty.
-    pub(crate) fn new(number: u16, token: u64, name: String, join: &Join, chunks: usize) -> Self {
+    pub(crate) fn new(
+        (number, token, peer): (u16, u64, Peer),
+        name: String,
+        join: &Join,
+        chunks: usize,
+    ) -> Self {
         let now = Instant::now();
         Self {
             number,
             token,
+            peer,
             name,
             role: join.role,
             granted: granted(join),
@@ -354,7 +362,9 @@ impl Seat {
             }
         }
         self.fill_cut(line, news, now)?;
-        if let Some(health) = news.health.filter(|_| self.has(capability::HEALTH))
+        // the first one tells the viewer that its picture is whole
+        let may_hear = self.caught_up && self.has(capability::HEALTH);
+        if let Some(health) = news.health.filter(|_| may_hear)
             && self.last_health.is_none_or(|t| now - t >= HEALTH_PERIOD)
         {
             self.last_health = Some(now);

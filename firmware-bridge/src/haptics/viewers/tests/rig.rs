@@ -94,7 +94,7 @@ impl Rig {
         for end in [&ours, &theirs] {
             end.set_nonblocking(true).expect("a mode");
         }
-        self.viewers.admit(Box::new(ours));
+        self.viewers.admit(Box::new(ours), Peer::Local);
         theirs
     }
 }
