@@ -303,8 +303,9 @@ fn contact_depth(
         .iter()
         .map(|point| {
             let from = bone_from_component.point(point.position + DVec3::Z * ABOVE_MM);
-            first_surface(&depth, from, inward, 2.0 * ABOVE_MM)
-                .map_or(f64::INFINITY, |t| t + cartilage_mm(&sampler, from + inward * t, inward) - ABOVE_MM)
+            first_surface(&depth, from, inward, 2.0 * ABOVE_MM).map_or(f64::INFINITY, |t| {
+                t + cartilage_mm(&sampler, from + inward * t, inward) - ABOVE_MM
+            })
         })
         .collect();
     needed.sort_unstable_by(f64::total_cmp);
