@@ -170,7 +170,7 @@ pub fn html(target: &Target, played: &Played, judged: &Judged) -> String {
         &played.trace,
         ("Tip over the planned back", "mm"),
         &judged.events,
-        |t| plan_from_bone.point(t.tip()).z.min(20.0),
+        |t| plan_from_bone.point(t.tip()).z.clamp(-30.0, 20.0),
         f64::min,
     ));
     page.push_str(
