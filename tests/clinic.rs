@@ -162,6 +162,45 @@ fn the_reports_of_a_scenario_are_written_and_the_same_again() {
 }
 
 #[test]
+fn a_recorded_session_is_judged_to_the_same_bytes_twice() {
+    let _turn = osteon_tests::one_at_a_time();
+    let dir = tempfile::tempdir().expect("a folder");
+    let file = dir.path().join("trainee.mcap").display().to_string();
+    let run = |args: &[&str]| {
+        let done = Command::new(OSTEON)
+            .args(args)
+            .env("XDG_RUNTIME_DIR", dir.path())
+            .env("LP_NUM_THREADS", "1")
+            .output()
+            .expect("run");
+        let errors = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.success(), "{args:?}:\n{errors}");
+        errors
+    };
+    let demo = [
+        "demo",
+        "--headless",
+        "--scene",
+        "soft",
+        "--task",
+        "guided",
+        "--seconds",
+        "12",
+        "--record",
+        &file,
+    ];
+    run(&demo);
+    let out = |name: &str| dir.path().join(name).display().to_string();
+    for name in ["one", "two"] {
+        run(&["report", "session", &file, "--out", &out(name)]);
+    }
+    for name in ["session.json", "session.html", "cohort.csv"] {
+        let bytes = |of: &str| std::fs::read(dir.path().join(of).join(name)).expect("a file");
+        assert!(bytes("one") == bytes("two"), "{name}");
+    }
+}
+
+#[test]
 fn bad_input_is_one_line_each() {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();

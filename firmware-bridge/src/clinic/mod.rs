@@ -6,6 +6,7 @@ mod picture;
 pub mod plan;
 pub mod plan_file;
 pub mod prepare;
+mod recorded;
 pub mod report;
 pub mod score;
 pub mod session;

@@ -373,7 +373,17 @@ pub(super) fn curve(
             "<line x1='{x:.1}' y1='24' x2='{x:.1}' y2='{:.1}' stroke='#c02010' stroke-dasharray='3 3'/>",
             SIZE[1] - BOTTOM
         );
-        label(&mut svg, x + 3.0, 34.0 + 13.0 * (n % 4) as f64, what);
+        let y = 34.0 + 13.0 * (n % 4) as f64;
+        if x > 0.75 * SIZE[0] {
+            let text = escaped(what);
+            _ = write!(
+                svg,
+                "<text x='{:.1}' y='{y:.1}' fill='#333' text-anchor='end'>{text}</text>",
+                x - 3.0
+            );
+        } else {
+            label(&mut svg, x + 3.0, y, what);
+        }
     }
     svg + "</svg>"
 }

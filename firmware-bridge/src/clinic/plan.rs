@@ -12,6 +12,7 @@ use osteon_sim_core::planning::face::{self, Face, first_surface};
 use osteon_sim_core::planning::scapula::{Angles, Scapula};
 use osteon_sim_core::pose::Pose;
 use osteon_sim_core::sample::Sampler;
+use osteon_sim_core::tissue::Tissue;
 use std::path::PathBuf;
 
 /// The joint face is looked for within this of the picked centre, mm.
@@ -31,7 +32,7 @@ end of the scapular spine) and the inferior angle (lowest point of the blade). F
 trigonum to the glenoid's centre; version and inclination are angles to it, anteversion and superior positive.
 
 Without --version and --inclination the component's axis is that of the joint face; without --depth it goes as
-deep as brings 90 % of its back into contact. The plan is written into the scene as plan.json.")]
+deep as brings 90 % of its back onto bone (cartilage does not count). The plan is written into the scene as plan.json.")]
 pub struct PlanArgs {
     /// The scene's folder
     pub scene: PathBuf,
@@ -67,7 +68,7 @@ pub struct PlanArgs {
         allow_negative_numbers = true
     )]
     pub roll: f64,
-    /// Bone of this thickness at the vault's outside is a wall that no tool gets through, mm
+    /// Bone of this thickness at the vault's outside is so hard that a tool stands before it, mm (CT scenes)
     #[arg(long, value_name = "MM", default_value_t = 0.0)]
     pub wall: f64,
     /// Write the plan elsewhere and leave the scene alone
@@ -302,8 +303,9 @@ fn contact_depth(
         .iter()
         .map(|point| {
             let from = bone_from_component.point(point.position + DVec3::Z * ABOVE_MM);
-            first_surface(&depth, from, inward, 2.0 * ABOVE_MM)
-                .map_or(f64::INFINITY, |t| t - ABOVE_MM)
+            first_surface(&depth, from, inward, 2.0 * ABOVE_MM).map_or(f64::INFINITY, |t| {
+                t + cartilage_mm(&sampler, from + inward * t, inward) - ABOVE_MM
+            })
         })
         .collect();
     needed.sort_unstable_by(f64::total_cmp);
@@ -322,6 +324,18 @@ fn contact_depth(
         )));
     }
     Ok(depth)
+}
+
+/// Way from the joint's surface through its cartilage to bone, mm: a component sits on bone.
+fn cartilage_mm(sampler: &Sampler<'_>, surface: DVec3, inward: DVec3) -> f64 {
+    const STEP_MM: f64 = 0.05;
+    const MOST: u32 = 120;
+    let soft = |n: &u32| {
+        let p = surface + inward * (STEP_MM * (f64::from(*n) + 0.5));
+        let matter = sampler.matter(p);
+        matter.is_some_and(|m| m.class == Tissue::Cartilage as u8)
+    };
+    STEP_MM * (0..MOST).take_while(soft).count() as f64
 }
 
 fn misfit_text(component: &Component, misfit: Misfit) -> String {

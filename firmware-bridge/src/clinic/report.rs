@@ -1,11 +1,13 @@
 //! `osteon report session`: one HTML file to look at, JSON to file, a table over many sessions.
 
 use super::picture::{Plane, curve, escaped, face_map, section};
+use super::recorded::replayed;
 use super::score::{Bands, Filed, Judged, Verdict};
 use super::session::{Played, play, stroke, tool_axis};
 use super::target::Target;
 use super::write_whole;
 use crate::progress::Progress;
+use crate::recording::Moved;
 use anyhow::{Context as _, bail};
 use osteon_sim_core::feel::Feel;
 use osteon_sim_core::metrics::result::{Case, placed};
@@ -23,8 +25,11 @@ network) and DIR/cohort.csv (one row a session). Of several sessions each gets a
 
 The score bands are a proposal and not validated; --bands takes your own.")]
 pub struct SessionArgs {
-    /// Scene to play with the scripted hand instead of a recording: a folder, or normal, eroded, soft
-    #[arg(long, value_name = "SCENE", required = true)]
+    /// Session files, as 'osteon demo --scene DIR --record FILE' and 'osteon haptics' write them
+    #[arg(value_name = "FILE", required_unless_present = "scripted")]
+    pub files: Vec<PathBuf>,
+    /// Scene to play with the scripted hand instead: a folder, or normal, eroded, soft
+    #[arg(long, value_name = "SCENE", conflicts_with = "files")]
     pub scripted: Vec<PathBuf>,
     /// Folder for the report
     #[arg(long, value_name = "DIR")]
@@ -32,41 +37,59 @@ pub struct SessionArgs {
     /// Score bands of your own (TOML)
     #[arg(long, value_name = "FILE")]
     pub bands: Option<PathBuf>,
+    /// Where a recording's files are now.
+    #[command(flatten)]
+    pub moved: Moved,
 }
 
 /// Reports, telling on stderr where.
 #[expect(clippy::print_stderr, reason = "what a command-line program says")]
 pub fn run(args: &SessionArgs) -> anyhow::Result<()> {
     let bands = Bands::load(args.bands.as_deref())?;
-    let mut all = Vec::new();
-    for scene in &args.scripted {
-        let mut bar = Progress::new("report");
-        let target = Target::load(scene, &mut |stage, share| bar.show(stage, share));
-        bar.finish();
-        let target = target?;
-        let tools = Tool::standard_set();
-        let hand = stroke(&target, &Pose::IDENTITY);
-        let played = play(&target, &tools, &Feel::default(), hand)?;
-        let name = scene.file_name().map_or_else(
+    let sources: Vec<&PathBuf> = args.files.iter().chain(&args.scripted).collect();
+    let stem = |path: &&PathBuf| {
+        let stem = path.file_stem();
+        stem.map_or_else(
             || "session".to_owned(),
             |n| n.to_string_lossy().into_owned(),
-        );
-        let judged = Judged::of(&target, &played, &bands, &name);
-        let dir = if args.scripted.len() == 1 {
+        )
+    };
+    let names: Vec<String> = sources.iter().map(stem).collect();
+    for (n, name) in names.iter().enumerate() {
+        if names[..n].contains(name) {
+            bail!("two sessions are called {name}; rename one");
+        }
+    }
+    let mut all = Vec::new();
+    for (source, name) in sources.iter().zip(&names) {
+        let (target, played) = if args.files.is_empty() {
+            scripted(source)?
+        } else {
+            replayed(source, &args.moved)?
+        };
+        let judged = Judged::of(&target, &played, &bands, name);
+        let dir = if sources.len() == 1 {
             args.out.clone()
         } else {
-            args.out.join(&name)
+            args.out.join(name)
         };
         write(&dir, &target, &played, &judged)?;
         eprintln!("{}", dir.join("session.html").display());
         all.push(judged);
     }
-    let names: Vec<&str> = all.iter().map(|j| j.session.as_str()).collect();
-    if (1..names.len()).any(|n| names[n..].contains(&names[n - 1])) {
-        bail!("two sessions have the same name; rename one");
-    }
     write_whole(&args.out.join("cohort.csv"), &cohort(&all))?;
     Ok(())
+}
+
+/// The scripted hand's session on a scene.
+fn scripted(scene: &Path) -> anyhow::Result<(Target, Played)> {
+    let mut bar = Progress::new("report");
+    let target = Target::load(scene, &mut |stage, share| bar.show(stage, share));
+    bar.finish();
+    let target = target?;
+    let hand = stroke(&target, &Pose::IDENTITY);
+    let played = play(&target, &Tool::standard_set(), &Feel::default(), hand)?;
+    Ok((target, played))
 }
 
 /// Writes one session's files.
@@ -147,7 +170,7 @@ pub fn html(target: &Target, played: &Played, judged: &Judged) -> String {
         &played.trace,
         ("Tip over the planned back", "mm"),
         &judged.events,
-        |t| plan_from_bone.point(t.tip()).z.min(20.0),
+        |t| plan_from_bone.point(t.tip()).z.clamp(-30.0, 20.0),
         f64::min,
     ));
     page.push_str(

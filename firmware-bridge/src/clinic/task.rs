@@ -32,6 +32,8 @@ const AXIS_DEG: f64 = 4.0;
 const ENTRY_MM: f64 = 2.0;
 /// The tip is at the bone below this height over a step's entry, mm.
 const NEAR_MM: f64 = 8.0;
+/// In front of the joint: as near to the plan's axis as this, mm.
+const GATE_MM: f64 = 30.0;
 /// A hint is not said again before this time, s.
 const AGAIN_S: f64 = 4.0;
 /// The smallest hole that the built-in drill cannot make is this much narrower or wider, mm.
@@ -85,6 +87,8 @@ pub struct Task {
     now: usize,
     over: bool,
     deepest_mm: f64,
+    // the tool has been in front of the joint: on its way from the dock it passes through the virtual patient
+    in_front: bool,
     began_tick: Option<u64>,
     last_hint_s: f64,
 }
@@ -126,6 +130,7 @@ impl Task {
             now: 0,
             over: false,
             deepest_mm: f64::INFINITY,
+            in_front: false,
             began_tick: None,
             last_hint_s: f64::NEG_INFINITY,
         }
@@ -164,7 +169,8 @@ impl Task {
         }
         let step = self.steps.get(self.now)?.clone();
         let p = self.plan_from_bone.point(tick.tip());
-        if tick.tool == step.tool {
+        self.in_front |= p.z > NEAR_MM && p.truncate().length() < GATE_MM;
+        if self.in_front && tick.tool == step.tool {
             self.deepest_mm = self.deepest_mm.min(p.z);
         }
         let over_goal = self.deepest_mm + step.depth_mm;
@@ -187,7 +193,7 @@ impl Task {
             );
             return said(SaidKind::Done, format!("{} done; {next}", step.name));
         }
-        if self.mode == Mode::Guided && at_s >= self.last_hint_s + AGAIN_S {
+        if self.in_front && self.mode == Mode::Guided && at_s >= self.last_hint_s + AGAIN_S {
             let hint = self.hint(&step, tick, p, over_goal)?;
             self.last_hint_s = at_s;
             return said(SaidKind::Hint, hint);
@@ -321,6 +327,20 @@ mod tests {
         assert_eq!(hint(0, true, 20.0, straight), None);
         let mut free = Task::of(Mode::Free, two(), Pose::IDENTITY);
         assert_eq!(free.tick(&tick(0, -30.0, 0, true, straight), 99.0), None);
+    }
+
+    #[test]
+    fn the_way_from_the_dock_through_the_virtual_patient_does_not_count() {
+        let mut task = Task::of(Mode::Guided, two(), Pose::IDENTITY);
+        for n in 0..200 {
+            let z = -85.0 + 0.5 * f64::from(n);
+            let said = task.tick(
+                &tick(u64::from(n.unsigned_abs()), z, 0, true, DQuat::IDENTITY),
+                0.0,
+            );
+            assert_eq!(said, None, "{z}");
+        }
+        assert!(!task.over());
     }
 
     #[test]

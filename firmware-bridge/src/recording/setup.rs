@@ -5,7 +5,7 @@ use crate::feel::in_force;
 use crate::import::hash_file;
 use crate::link::DeviceInfo;
 use crate::progress::Progress;
-use crate::scene::file::NAME as SCENE_FILE;
+use crate::scene::file::{NAME as SCENE_FILE, PLAN as SCENE_PLAN};
 use crate::scene::{self, Scene, SceneArgs};
 use crate::tools::{self, Detail, ToolArgs};
 use anyhow::{Context as _, anyhow, bail};
@@ -37,8 +37,11 @@ pub(crate) fn describe(begun: &Begun<'_>) -> anyhow::Result<Setup> {
     // a scene's file has the hashes of all that it is made of; one that is built in has no file
     let recipe = args.scene.as_ref().map(|dir| dir.join(SCENE_FILE));
     let recipe = recipe.filter(|path| path.exists());
+    let plan = args.scene.as_ref().map(|dir| dir.join(SCENE_PLAN));
+    let plan = plan.filter(|path| path.exists() && args.pose.is_none());
     let named = [
         ("scene", &recipe),
+        ("plan", &plan),
         ("bone", &args.bone),
         ("labels", &args.labels),
         ("pose", &args.pose),
@@ -214,7 +217,9 @@ fn load(
 
 fn path_now(file: &InputFile, moved: &Moved) -> PathBuf {
     let scene = moved.scene.as_ref().map(|dir| dir.join(SCENE_FILE));
+    let plan = moved.scene.as_ref().map(|dir| dir.join(SCENE_PLAN));
     let now = match file.role.as_str() {
+        "plan" => &plan,
         "bone" => &moved.bone,
         "labels" => &moved.labels,
         "pose" => &moved.pose,

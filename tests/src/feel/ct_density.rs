@@ -60,6 +60,7 @@ fn write_ct(path: &Path, faced: &Faced, density: f64) {
 }
 
 #[test]
+#[expect(clippy::print_stderr, reason = "measured figures are told")]
 fn three_densities_through_a_ct_feed_as_the_closed_form_says() {
     let dir = tempfile::tempdir().expect("a folder");
     for density in [0.30, 0.45, 0.70] {
