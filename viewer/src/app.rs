@@ -368,7 +368,7 @@ impl eframe::App for App {
         if self.open.slices && ctx.content_rect().width() >= 1000.0 {
             self.slices.take(&ctx, &self.session.shared().mirror());
             egui::Panel::right("slices")
-                .exact_size(210.0)
+                .exact_size(250.0)
                 .resizable(false)
                 .show(ui, |ui| self.slices.show(ui));
         }

@@ -66,42 +66,57 @@ impl Slices {
 
     /// Shows them one below the other.
     pub(crate) fn show(&mut self, ui: &mut egui::Ui) {
-        super::heading(ui, "CT through the tool's tip (T)");
+        super::heading(ui, "CT at the tip (T)");
         let Some((voxel, _, _)) = self.key else {
             ui.label("No bone yet.");
             return;
         };
+        let grey = Color32::from_gray(0xa8);
+        // what is left beside three names and two sliders
         let room = Vec2::new(
             ui.available_width(),
-            (ui.available_height() - 60.0) / 3.0 - 22.0,
+            (ui.available_height() - 62.0) / 3.0 - 24.0,
         );
-        for (texture, across) in self.textures.iter().zip(Across::ALL) {
-            let Some(texture) = texture else { continue };
-            let [right, up] = across.axes();
-            let mm = |axis: usize| self.dims[axis] as f32 * self.spacing_mm[axis] as f32;
-            let size = Vec2::new(mm(right), mm(up));
-            let size = size * (room.x / size.x).min(room.y.max(40.0) / size.y);
-            ui.label(RichText::new(across.name()).color(Color32::from_gray(0xa8)));
-            let (rect, _) = ui.allocate_exact_size(size, egui::Sense::hover());
-            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-            ui.painter()
-                .image(texture.id(), rect, whole, Color32::WHITE);
-            let share = |axis: usize| (voxel[axis] as f32 + 0.5) / self.dims[axis] as f32;
-            let (x, y) = (
-                rect.left() + rect.width() * share(right),
-                rect.bottom() - rect.height() * share(up),
-            );
-            let stroke = Stroke::new(1.0, CROSS.gamma_multiply(0.8));
-            ui.painter().hline(rect.x_range(), y, stroke);
-            ui.painter().vline(x, rect.y_range(), stroke);
-        }
-        ui.horizontal(|ui| {
-            ui.label(RichText::new("level").color(Color32::from_gray(0xa8)));
+        ui.vertical_centered(|ui| {
+            for (texture, across) in self.textures.iter().zip(Across::ALL) {
+                let Some(texture) = texture else { continue };
+                ui.label(RichText::new(across.name()).color(grey));
+                self.show_one(ui, texture, across, voxel, room);
+            }
+        });
+        ui.spacing_mut().slider_width = 84.0;
+        egui::Grid::new("grey scale").num_columns(2).show(ui, |ui| {
+            ui.label(RichText::new("level").color(grey));
             ui.add(Slider::new(&mut self.scale.level_hu, -500.0..=2000.0).suffix(" HU"));
-        });
-        ui.horizontal(|ui| {
-            ui.label(RichText::new("width").color(Color32::from_gray(0xa8)));
+            ui.end_row();
+            ui.label(RichText::new("width").color(grey));
             ui.add(Slider::new(&mut self.scale.width_hu, 100.0..=4000.0).suffix(" HU"));
+            ui.end_row();
         });
+    }
+
+    /// One slice, as large as there is room, with the crosshair.
+    fn show_one(
+        &self,
+        ui: &mut egui::Ui,
+        texture: &TextureHandle,
+        across: Across,
+        voxel: [usize; 3],
+        room: Vec2,
+    ) {
+        let [right, up] = across.axes();
+        let mm = |axis: usize| self.dims[axis] as f32 * self.spacing_mm[axis] as f32;
+        let size = Vec2::new(mm(right), mm(up));
+        let size = size * (room.x / size.x).min(room.y.max(40.0) / size.y);
+        let (rect, _) = ui.allocate_exact_size(size, egui::Sense::hover());
+        let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+        ui.painter()
+            .image(texture.id(), rect, whole, Color32::WHITE);
+        let share = |axis: usize| (voxel[axis] as f32 + 0.5) / self.dims[axis] as f32;
+        let x = rect.left() + rect.width() * share(right);
+        let y = rect.bottom() - rect.height() * share(up);
+        let stroke = Stroke::new(1.0, CROSS.gamma_multiply(0.8));
+        ui.painter().hline(rect.x_range(), y, stroke);
+        ui.painter().vline(x, rect.y_range(), stroke);
     }
 }
