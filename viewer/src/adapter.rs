@@ -1,6 +1,7 @@
 //! The graphics adapter, and whether there is one and a display at all.
 
 use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// An adapter in words.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
@@ -63,6 +64,41 @@ pub(crate) struct Gpu {
     pub(crate) queue: wgpu::Queue,
     /// The adapter.
     pub(crate) adapter: AdapterBrief,
+}
+
+/// What an adapter says of its own end, and of what it could not do.
+#[derive(Debug, Clone)]
+pub(crate) struct Watch(Arc<Mutex<Option<String>>>);
+
+impl Watch {
+    /// Listens to a device; without it an error would end the process.
+    pub(crate) fn new(device: &wgpu::Device) -> Self {
+        let watch = Self(Arc::new(Mutex::new(None)));
+        let of_errors = watch.clone();
+        device.on_uncaptured_error(Arc::new(move |e| of_errors.note(&e.to_string())));
+        let of_end = watch.clone();
+        device.set_device_lost_callback(move |reason, text| {
+            of_end.note(&format!("it was lost, {reason:?} {text}"));
+        });
+        watch
+    }
+
+    /// Keeps the first word: the others follow from it.
+    fn note(&self, text: &str) {
+        let mut first = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        first.get_or_insert_with(|| first_line(text).to_owned());
+    }
+
+    /// An error where the adapter failed since the start.
+    pub(crate) fn check(&self) -> anyhow::Result<()> {
+        let first = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match first.as_ref() {
+            Some(text) => anyhow::bail!(
+                "the graphics adapter failed ({text}); start the viewer again, the session goes on"
+            ),
+            None => Ok(()),
+        }
+    }
 }
 
 /// The error line for a machine without an adapter.

@@ -8,7 +8,9 @@
 use crate::adapter::{self, AdapterBrief};
 use crate::cli::ViewArgs;
 use crate::link::{Joining, Link, Shared};
+use crate::memory::{self, Remembered};
 use crate::mirror::End;
+use crate::panels::slices::Slices;
 use crate::panels::{self, Status, Wish};
 use crate::render::Renderer;
 use crate::render::blit::Blit;
@@ -113,7 +115,9 @@ struct App {
     link: Option<Link>,
     device: wgpu::Device,
     queue: wgpu::Queue,
-    blit: Blit,
+    blits: [Blit; 2],
+    slices: Slices,
+    open: Remembered,
     screenshot: Screenshot,
     args: ViewArgs,
     outcome: Outcome,
@@ -150,12 +154,20 @@ impl App {
             ctx.request_repaint_after(next.saturating_duration_since(Instant::now()));
         });
         let renderer = Renderer::new(&state.device, &state.queue);
+        let mut open = memory::path().map_or_else(Remembered::default, |p| memory::read(&p));
+        if let Some(kind) = args.renderer {
+            open.view.method = kind;
+        }
+        let mut session = Session::new(shared, renderer, brief, &args, manners);
+        session.view = open.view;
         Ok(Self {
-            session: Session::new(shared, renderer, brief, &args, manners),
+            session,
             link: Some(link),
             device: state.device.clone(),
             queue: state.queue.clone(),
-            blit: Blit::new(&state.device, state.target_format),
+            blits: [(); 2].map(|()| Blit::new(&state.device, state.target_format)),
+            slices: Slices::default(),
+            open,
             screenshot: Screenshot::new(&args),
             until: args
                 .seconds
@@ -178,6 +190,12 @@ impl App {
             Wish::Glenoid => self.session.show_glenoid(),
             Wish::ToggleTool => self.session.show_tool = !self.session.show_tool,
             Wish::View(choice) => self.session.view = choice,
+            Wish::LookFrom(preset) => self.session.look_from(preset),
+            Wish::ToggleStereo => self.session.stereo = !self.session.stereo,
+            Wish::ToggleSlices => self.open.slices = !self.open.slices,
+            Wish::TogglePlots => self.open.plots = !self.open.plots,
+            Wish::Plots(quantities) => self.open.quantities = quantities,
+            Wish::SavePicture => self.complaint = crate::screenshot::save(ctx),
             Wish::ToggleHelp => self.help = !self.help,
             Wish::Quit => ctx.send_viewport_cmd(egui::ViewportCommand::Close),
         }
@@ -202,10 +220,15 @@ impl App {
         let size = [rect.width(), rect.height()].map(|n| (n * points).round().max(1.0) as u32);
         self.steer(ui, &response);
         let begin = Instant::now();
-        let scaled = self.session.scaled(size);
+        let stereo = self.session.stereo;
+        let half = [size[0].div_ceil(2), size[1]];
+        let scaled = self.session.scaled(if stereo { half } else { size });
         let shadows = !self.session.adapter.is_cpu;
         match self.session.draw(scaled, shadows) {
-            Ok(Drawn::New) => self.count_frame(begin),
+            Ok(Drawn::New) => {
+                self.adapt(begin);
+                self.count_frame(begin);
+            }
             Ok(Drawn::Unchanged) => self.last_frame = None,
             Err(e) => {
                 *self.outcome.lock().unwrap_or_else(PoisonError::into_inner) = Some(e);
@@ -213,13 +236,36 @@ impl App {
             }
         }
         if self.session.camera.is_some() {
-            let picture = self.session.renderer.picture();
-            let shape = self
-                .blit
-                .paint(&self.device, &self.queue, &picture, rect, points);
-            ui.painter().add(shape);
+            let renderer = &self.session.renderer;
+            let (left, right) = rect.split_left_right_at_fraction(0.5);
+            let parts = if stereo {
+                vec![
+                    (left, renderer.picture()),
+                    (right, renderer.picture_right()),
+                ]
+            } else {
+                vec![(rect, renderer.picture())]
+            };
+            for (blit, (part, picture)) in self.blits.iter().zip(parts) {
+                let shape = blit.paint(&self.device, &self.queue, &picture, part, points);
+                ui.painter().add(shape);
+            }
         }
         size
+    }
+
+    /// Where the CPU draws: waits for the picture, and lowers the scale where that took too long.
+    fn adapt(&mut self, begin: Instant) {
+        // a bone that is still arriving takes long for another reason
+        if self.session.adapter.is_cpu && !self.session.is_behind() {
+            match self.session.renderer.wait() {
+                Ok(()) => self
+                    .session
+                    .scale
+                    .heard(begin.elapsed().as_secs_f64() * 1e3),
+                Err(e) => self.complaint = format!("{e:#}"),
+            }
+        }
     }
 
     fn count_frame(&mut self, begin: Instant) {
@@ -249,6 +295,14 @@ impl App {
         }
     }
 
+    /// A file that was dropped on the window: a session has one bone, so what to do is said.
+    fn take_dropped(&mut self, ctx: &egui::Context) {
+        let dropped = ctx.input(|i| i.raw.dropped_files.first().map(|f| f.path().to_path_buf()));
+        if let Some(path) = dropped {
+            self.complaint = dropped_words(&path);
+        }
+    }
+
     fn status(&self) -> Status {
         let mut status = Status::new(&self.session.shared().mirror());
         status.socket = self.args.place().to_string();
@@ -259,11 +313,14 @@ impl App {
             .map_or(0.0, |q| 1e3 / f64::from(q.p50.max(1e-3)));
         status.adapter.clone_from(&self.session.adapter.name);
         status.software = self.session.adapter.is_cpu;
-        status.scale = self.session.scale;
+        status.scale = self.session.scale.now();
+        status.layers = Arc::clone(&self.session.layers);
         status.view = self.session.view;
         if !self.complaint.is_empty() {
             status.complaint.clone_from(&self.complaint);
         }
+        status.fates = self.session.renderer.fates();
+        status.plots = self.open.quantities;
         status
     }
 
@@ -271,6 +328,14 @@ impl App {
         self.until.is_some_and(|t| Instant::now() >= t)
             || self.session.shared().mirror().end.is_some()
     }
+}
+
+/// What to do with a file or folder that was dropped on the window.
+fn dropped_words(path: &std::path::Path) -> String {
+    format!(
+        "a session keeps its bone; for this one run:  osteon import {0} --out NEW  and then  osteon demo --scene NEW",
+        path.display()
+    )
 }
 
 impl eframe::App for App {
@@ -292,20 +357,31 @@ impl eframe::App for App {
             .show(ui, |ui| {
                 panels::facts(ui, &status, &mut wishes);
             });
-        egui::Panel::bottom("plots")
-            .exact_size(190.0)
-            .resizable(false)
-            .show(ui, |ui| {
-                panels::plots::show(ui, &status);
-            });
+        if self.open.plots {
+            egui::Panel::bottom("plots")
+                .exact_size(190.0)
+                .resizable(false)
+                .show(ui, |ui| {
+                    panels::plots::show(ui, &status, &mut wishes);
+                });
+        }
+        if self.open.slices && ctx.content_rect().width() >= 1000.0 {
+            self.slices.take(&ctx, &self.session.shared().mirror());
+            egui::Panel::right("slices")
+                .exact_size(250.0)
+                .resizable(false)
+                .show(ui, |ui| self.slices.show(ui));
+        }
         let size = egui::CentralPanel::no_frame().show(ui, |ui| {
             let size = self.view(ui);
             panels::overlay::show(ui, &status, &mut wishes);
+            panels::gauge::show(ui, ui.max_rect(), &status);
             size
         });
         if self.help {
             panels::overlay::help(&ctx, &status, &mut self.help);
         }
+        self.take_dropped(&ctx);
         for wish in wishes {
             self.obey(&ctx, wish, size.inner);
         }
@@ -320,6 +396,16 @@ impl eframe::App for App {
     }
 
     fn on_exit(&mut self) {
+        self.open.view = self.session.view;
+        // a layout that cannot be kept is no reason to complain at the end
+        if let Some(path) = memory::path()
+            && let Err(e) = memory::write(&path, &self.open)
+        {
+            crate::say(&format!(
+                "the layout is not remembered: {}: {e}",
+                path.display()
+            ));
+        }
         if let Some(link) = self.link.take() {
             link.flush(FAREWELL);
         }

@@ -35,6 +35,20 @@ pub(crate) struct Camera {
     distance: f64,
 }
 
+/// The usual places to look from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Preset {
+    /// Obliquely onto the joint, as a session begins.
+    Surgeon,
+    /// Straight onto the joint's face.
+    Lateral,
+    /// Along the tool, from its shank to its tip.
+    Tool,
+}
+
+/// Half the turn between both eyes, rad: a convergence of 1.9°, comfortable on a screen.
+const HALF_CONVERGENCE: f64 = 1.0 / 60.0;
+
 /// The camera's axes in the bone frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Axes {
@@ -116,6 +130,39 @@ impl Camera {
     pub(crate) fn close_up(&mut self, point: DVec3) {
         self.target = point;
         self.distance = CLOSE_UP_MM / (0.5 * FIELD_OF_VIEW).tan();
+    }
+
+    /// Looks from one of the usual places: at the tool's tip along the tool, else at the joint.
+    pub(crate) fn look_from(
+        &mut self,
+        preset: Preset,
+        bone_from_plan: &Pose,
+        bone_from_tool: Option<Pose>,
+    ) {
+        let joint = bone_from_plan.translation;
+        let (target, yaw, pitch) = match (preset, bone_from_tool) {
+            (Preset::Surgeon, _) => (joint, FIRST_YAW, FIRST_PITCH),
+            (Preset::Tool, Some(tool)) => {
+                let back = self.frame.transpose() * tool.vector(DVec3::Z);
+                let pitch = back.y.clamp(-1.0, 1.0).asin();
+                (
+                    tool.translation,
+                    back.x.atan2(back.z),
+                    pitch.clamp(-MOST_PITCH, MOST_PITCH),
+                )
+            }
+            (Preset::Lateral, _) | (Preset::Tool, None) => (joint, 0.0, 0.0),
+        };
+        (self.yaw, self.pitch) = (yaw, pitch);
+        self.close_up(target);
+        // the joint and what is around it
+        self.distance *= 1.6;
+    }
+
+    /// The same, seen by an eye half the convergence to the left (−1) or to the right (1).
+    pub(crate) fn eye(mut self, side: f64) -> Self {
+        self.yaw += side * HALF_CONVERGENCE;
+        self
     }
 
     /// Turns by a drag, in heights of the picture.
@@ -217,6 +264,36 @@ mod tests {
             (clip.x - 0.4).abs() < 1e-4 && (clip.y + 0.7).abs() < 1e-4,
             "{clip}"
         );
+    }
+
+    #[test]
+    fn the_tools_eye_looks_along_the_tool_and_the_lateral_one_onto_the_face() {
+        let plan = Pose::from_origin_and_z(DVec3::new(1.0, 2.0, 3.0), DVec3::new(0.9, -0.3, 0.0));
+        let mut camera = Camera::at_plan(&plan, DVec3::Z);
+        let tool = Pose::from_origin_and_z(DVec3::new(4.0, 0.0, 9.0), DVec3::new(0.4, 0.7, 0.5));
+        camera.look_from(Preset::Tool, &plan, Some(tool));
+        let axes = camera.axes();
+        assert!((axes.forward + tool.vector(DVec3::Z)).length() < 1e-9);
+        let to_tip = tool.translation - axes.eye;
+        assert!(
+            to_tip.cross(axes.forward).length() < 1e-9,
+            "the tip is in the middle"
+        );
+        camera.look_from(Preset::Lateral, &plan, None);
+        assert!((camera.axes().forward + plan.vector(DVec3::Z)).length() < 1e-9);
+    }
+
+    #[test]
+    fn both_eyes_see_the_target_in_the_middle_from_either_side() {
+        let camera = camera();
+        let [left, right] = [-1.0, 1.0].map(|side| camera.eye(side).axes());
+        let across = (right.eye - left.eye).dot(camera.axes().right);
+        let distance = (camera.axes().eye - DVec3::new(10.0, 20.0, 30.0)).length();
+        assert!(across > 0.0 && across < distance / 20.0, "{across}");
+        for axes in [left, right] {
+            let to_target = DVec3::new(10.0, 20.0, 30.0) - axes.eye;
+            assert!(to_target.cross(axes.forward).length() < 1e-9 * distance);
+        }
     }
 
     #[test]

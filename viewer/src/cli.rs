@@ -40,9 +40,9 @@ pub struct ViewArgs {
     /// the CPU draws].
     #[arg(long, value_name = "F", value_parser = parse_scale)]
     pub scale: Option<f64>,
-    /// How the bone is drawn; key V changes it.
-    #[arg(long, value_enum, default_value_t)]
-    pub renderer: Kind,
+    /// How the bone is drawn; key V changes it [default: as the last time, at first iso].
+    #[arg(long, value_enum)]
+    pub renderer: Option<Kind>,
     /// End after this many seconds.
     #[arg(long, value_name = "N", value_parser = parse_seconds)]
     pub seconds: Option<f64>,

@@ -17,15 +17,18 @@ mod cli;
 mod history;
 pub mod lab;
 mod link;
+mod memory;
 mod meshing;
 mod mirror;
 mod offscreen;
+mod pace;
 mod palette;
 mod panels;
 mod render;
 mod report;
 mod screenshot;
 mod session;
+mod slices;
 mod system;
 #[cfg(test)]
 #[expect(

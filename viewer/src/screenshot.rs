@@ -18,6 +18,32 @@ pub(crate) struct Screenshot {
     complete: Option<Instant>,
 }
 
+/// Saves a picture of the window in the working folder; says where.
+pub(crate) fn save(ctx: &egui::Context) -> String {
+    let since = std::time::UNIX_EPOCH.elapsed().unwrap_or_default();
+    let path = PathBuf::from(format!("osteon-{}.png", since.as_millis()));
+    let told = format!("picture of the window: {}", path.display());
+    request(ctx, path);
+    told
+}
+
+/// Asks for a picture of the window.
+fn request(ctx: &egui::Context, path: PathBuf) {
+    ctx.request_screenshot(move |image| {
+        // a window is never above the adapter's texture edge
+        let size = image.size.map(|n| n as u32);
+        let pixels: Vec<u8> = image
+            .pixels
+            .iter()
+            .flat_map(egui::Color32::to_array)
+            .collect();
+        match write_png(&path, size, &pixels) {
+            Ok(()) => crate::say(&format!("picture of the window: {}", path.display())),
+            Err(e) => crate::say(&format!("{e:#}")),
+        }
+    });
+}
+
 impl Screenshot {
     /// From the arguments, or the variable `OSTEON_SCREENSHOT`.
     pub(crate) fn new(args: &ViewArgs) -> Self {
@@ -44,19 +70,7 @@ impl Screenshot {
             return;
         }
         if let Some(path) = self.path.take() {
-            ctx.request_screenshot(move |image| {
-                // a window is never above the adapter's texture edge
-                let size = image.size.map(|n| n as u32);
-                let pixels: Vec<u8> = image
-                    .pixels
-                    .iter()
-                    .flat_map(egui::Color32::to_array)
-                    .collect();
-                match write_png(&path, size, &pixels) {
-                    Ok(()) => crate::say(&format!("picture of the window: {}", path.display())),
-                    Err(e) => crate::say(&format!("{e:#}")),
-                }
-            });
+            request(ctx, path);
         }
     }
 }

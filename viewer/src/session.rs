@@ -6,10 +6,12 @@
 )]
 
 use crate::adapter::AdapterBrief;
-use crate::camera::Camera;
+use crate::camera::{Camera, Preset};
 use crate::cli::ViewArgs;
 use crate::link::Shared;
 use crate::mirror::{End, Mirror, pose};
+use crate::pace::Scale;
+use crate::panels::gauge::{self, Layer};
 use crate::render::look::{Places, ViewChoice};
 use crate::render::{Renderer, View};
 use crate::report::{FrameTimes, Report};
@@ -48,11 +50,13 @@ pub(crate) struct Session {
     /// Who draws.
     pub(crate) adapter: AdapterBrief,
     /// Resolution as a share of the window's.
-    pub(crate) scale: f64,
+    pub(crate) scale: Scale,
     /// From where.
     pub(crate) camera: Option<Camera>,
     /// Whether the tool is drawn.
     pub(crate) show_tool: bool,
+    /// Whether there is a picture for each eye.
+    pub(crate) stereo: bool,
     /// How the bone is shown.
     pub(crate) view: ViewChoice,
     /// Times of frames.
@@ -64,6 +68,8 @@ pub(crate) struct Session {
     outline: Vec<DVec3>,
     plan: Pose,
     lps_from_bone: Pose,
+    /// The uncut bone's layers along the planned axis.
+    pub(crate) layers: Arc<Vec<Layer>>,
     last: Option<(View, u64)>,
 }
 
@@ -85,19 +91,22 @@ impl Session {
         args: &ViewArgs,
         manners: Manners,
     ) -> Self {
-        let usual = if adapter.is_cpu { 0.5 } else { 1.0 };
+        // a graphics card draws all pixels
+        let asked = args.scale.or_else(|| (!adapter.is_cpu).then_some(1.0));
         Self {
             shared,
             renderer,
-            scale: args.scale.unwrap_or(usual),
+            scale: Scale::new(asked, 0.5),
             adapter,
             camera: None,
             show_tool: true,
+            stereo: false,
             view: ViewChoice {
-                method: args.renderer,
+                method: args.renderer.unwrap_or_default(),
                 ..ViewChoice::default()
             },
             lps_from_bone: Pose::IDENTITY,
+            layers: Arc::new(Vec::new()),
             times: FrameTimes::default(),
             manners,
             loaded: 0,
@@ -124,7 +133,7 @@ impl Session {
 
     /// Pixels of the 3-D view for a picture of `size` pixels.
     pub(crate) fn scaled(&self, size: [u32; 2]) -> [u32; 2] {
-        size.map(|n| ((f64::from(n) * self.scale).round() as u32).max(1))
+        size.map(|n| ((f64::from(n) * self.scale.now()).round() as u32).max(1))
     }
 
     /// Takes over what changed in the mirror, and draws if the picture changes. `size` in pixels.
@@ -132,7 +141,9 @@ impl Session {
         let shared = Arc::clone(&self.shared);
         let mut mirror = shared.mirror();
         let uploaded = self.take_over(&mut mirror, size)?;
+        let stereo = self.stereo;
         let view = self.camera.map(|camera| {
+            let camera = if stereo { camera.eye(-1.0) } else { camera };
             let tool = self.tool(&mirror);
             let places = Places {
                 axes: camera.axes(),
@@ -158,6 +169,13 @@ impl Session {
             return Ok(Drawn::Unchanged);
         }
         self.renderer.draw(&view);
+        if self.stereo {
+            self.renderer.draw_right(&View {
+                camera: camera_of(&view, 1.0),
+                ..view
+            });
+        }
+        self.renderer.check()?;
         self.last = Some(now);
         self.shared.frames.fetch_add(1, Ordering::Relaxed);
         Ok(Drawn::New)
@@ -179,6 +197,7 @@ impl Session {
             self.outline = brick_centres(&model.bone);
             self.plan = pose(&scene.bone_from_plan).unwrap_or(Pose::IDENTITY);
             // DICOM LPS: z is the patient's superior direction
+            self.layers = Arc::new(gauge::layers(&model.bone, &self.plan));
             self.lps_from_bone = *model.bone.lps_from_bone();
             let up = model.bone.lps_from_bone().inverse().vector(DVec3::Z);
             self.camera = Some(Camera::at_plan(&self.plan, up));
@@ -214,6 +233,14 @@ impl Session {
         }
     }
 
+    /// Looks at the joint from one of the usual places.
+    pub(crate) fn look_from(&mut self, preset: Preset) {
+        let tool = self.tool(&self.shared.mirror());
+        if let Some(camera) = &mut self.camera {
+            camera.look_from(preset, &self.plan, tool.map(|(_, pose)| pose));
+        }
+    }
+
     /// Looks closely at the glenoid.
     pub(crate) fn show_glenoid(&mut self) {
         if let Some(camera) = &mut self.camera {
@@ -241,7 +268,7 @@ impl Session {
             mode,
             adapter: self.adapter.clone(),
             size: args.size,
-            render_scale: self.scale,
+            render_scale: self.scale.now(),
             renderer: self.view.method.name(),
             adapter_bytes: self.renderer.bytes(),
             frames: self.shared.frames.load(Ordering::Relaxed),
@@ -257,6 +284,11 @@ impl Session {
         drop(mirror);
         report.write(path)
     }
+}
+
+/// The camera of the right eye, from that of the left.
+fn camera_of(left: &View, side: f64) -> Camera {
+    left.camera.eye(2.0 * side)
 }
 
 /// Centres of the bricks that hold solid bone, bone frame, mm.

@@ -8,6 +8,7 @@ pub mod latency;
 mod machine;
 pub mod plot;
 pub mod pose;
+pub mod rendering;
 pub mod stability;
 pub mod table;
 
@@ -30,6 +31,8 @@ pub enum Report {
     Pose(pose::PoseArgs),
     /// A session against its plan: HTML, JSON, a table over many sessions
     Session(osteon_firmware_bridge::clinic::report::SessionArgs),
+    /// Frame time, picture error and memory of every way to draw the bone; the thesis's kernel on the adapter
+    Rendering(rendering::RenderingArgs),
     /// How still, safe and true the force loop is, with its hard cases and other programs' defects beside it
     Stability(stability::StabilityArgs),
 }
@@ -43,6 +46,7 @@ pub fn run(report: &Report) -> Result<()> {
         Report::Latency(args) => latency::run(args),
         Report::Pose(args) => pose::run(args),
         Report::Session(args) => osteon_firmware_bridge::clinic::report::run(args),
+        Report::Rendering(args) => rendering::run(args),
         Report::Stability(args) => stability::run(args),
     }
 }

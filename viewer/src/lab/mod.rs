@@ -6,4 +6,5 @@ pub mod reference;
 pub mod stage;
 
 pub use compare::{Difference, Surfaces};
+pub use reference::Reference;
 pub use stage::{Adapter, Frames, Stage};

@@ -132,6 +132,16 @@ impl Stage {
         self.view.camera.orbit(by);
     }
 
+    /// Takes another stage's camera.
+    pub fn stand_as(&mut self, other: &Self) {
+        self.view = other.view;
+    }
+
+    /// Chunks in the last picture that were behind others and not drawn.
+    pub fn hidden(&self) -> usize {
+        self.renderer.fates().hidden
+    }
+
     /// Size of the picture, pixels.
     pub fn resize(&mut self, size: [u32; 2]) {
         self.view.size = size;

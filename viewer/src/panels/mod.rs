@@ -4,17 +4,21 @@
 mod bone;
 mod connection;
 mod control;
+pub(crate) mod gauge;
 mod guards;
 mod hand;
 pub(crate) mod overlay;
 pub(crate) mod plots;
 mod rates;
+pub(crate) mod slices;
 mod tool;
 mod view;
 
+use crate::camera::Preset;
 use crate::history::Point;
 use crate::mirror::Mirror;
 use crate::render::look::ViewChoice;
+use crate::render::method::Fates;
 use egui::{Color32, FontId, Key, RichText, TextStyle};
 use osteon_protocol::ipc::{Command, ControlState, Health, PoseUpdate, Scene};
 use osteon_sim_core::tissue::TISSUES;
@@ -51,8 +55,14 @@ pub(crate) struct Status {
     pub(crate) software: bool,
     /// Resolution of the 3-D view as a share of the window's.
     pub(crate) scale: f64,
+    /// The uncut bone's layers along the planned axis.
+    pub(crate) layers: Arc<Vec<gauge::Layer>>,
     /// What was chosen of the view.
     pub(crate) view: ViewChoice,
+    /// What the plots show, left and right.
+    pub(crate) plots: [plots::Quantity; 2],
+    /// What became of the chunks in the last picture.
+    pub(crate) fates: Fates,
     /// What went wrong with the last wish.
     pub(crate) complaint: String,
     /// Number of this viewer.
@@ -131,6 +141,18 @@ pub(crate) enum Wish {
     ToggleTool,
     /// Show the bone in another way.
     View(ViewChoice),
+    /// Look from one of the usual places.
+    LookFrom(Preset),
+    /// A picture for each eye, or one.
+    ToggleStereo,
+    /// Show or hide the CT slices.
+    ToggleSlices,
+    /// Show or hide the plots.
+    TogglePlots,
+    /// Show these quantities.
+    Plots([plots::Quantity; 2]),
+    /// Save a picture of the window.
+    SavePicture,
     /// Show or hide the help.
     ToggleHelp,
     /// Close the viewer.
@@ -248,7 +270,15 @@ pub(crate) fn hotkeys(ctx: &egui::Context, status: &Status, clutch: &mut bool) -
             (Key::G, Wish::Glenoid),
             (Key::H, Wish::ToggleTool),
             (Key::V, Wish::View(status.view.with_next_method())),
+            (Key::J, Wish::View(status.view.with_other_boxes())),
             (Key::X, Wish::View(status.view.with_other_ghost())),
+            (Key::A, Wish::LookFrom(Preset::Surgeon)),
+            (Key::L, Wish::LookFrom(Preset::Lateral)),
+            (Key::E, Wish::LookFrom(Preset::Tool)),
+            (Key::B, Wish::ToggleStereo),
+            (Key::T, Wish::ToggleSlices),
+            (Key::O, Wish::TogglePlots),
+            (Key::F12, Wish::SavePicture),
             (Key::Questionmark, Wish::ToggleHelp),
             (Key::F1, Wish::ToggleHelp),
             (Key::Escape, Wish::Quit),

@@ -1,6 +1,7 @@
 //! What lies over the 3-D view: notes, view buttons, help.
 
 use super::{Status, Wish};
+use crate::camera::Preset;
 use crate::palette::WARNING;
 use egui::{Align2, Color32, RichText};
 
@@ -12,10 +13,13 @@ pub(crate) fn show(ui: &egui::Ui, status: &Status, wishes: &mut Vec<Wish>) {
     area.show(ui.ctx(), |ui| {
         ui.set_max_width(rect.width() - 20.0);
         notes(ui, status);
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             for (text, wish) in [
                 ("W  whole bone", Wish::WholeBone),
                 ("G  glenoid", Wish::Glenoid),
+                ("A  surgeon", Wish::LookFrom(Preset::Surgeon)),
+                ("L  lateral", Wish::LookFrom(Preset::Lateral)),
+                ("E  along tool", Wish::LookFrom(Preset::Tool)),
                 ("H  hide tool", Wish::ToggleTool),
                 ("?  help", Wish::ToggleHelp),
             ] {
@@ -33,6 +37,14 @@ fn notes(ui: &mut egui::Ui, status: &Status) {
             "software rendering: {} at {:.0} % resolution, low priority",
             status.adapter,
             100.0 * status.scale
+        );
+        note(ui, &text);
+    }
+    if status.view.boxes {
+        let f = status.fates;
+        let text = format!(
+            "chunks: {} drawn (green), {} behind others (red), {} outside the picture",
+            f.drawn, f.hidden, f.outside
         );
         note(ui, &text);
     }
@@ -98,7 +110,7 @@ pub(crate) fn help(ctx: &egui::Context, status: &Status, open: &mut bool) {
         });
 }
 
-const KEYS: [(&str, &str); 16] = [
+const KEYS: [(&str, &str); 24] = [
     ("S", "spindle on or off"),
     ("P", "pause (no force, no cutting) or go on"),
     ("R", "back to the uncut bone"),
@@ -107,12 +119,20 @@ const KEYS: [(&str, &str); 16] = [
     ("C", "hold: the tool waits while the stylus moves freely"),
     ("W", "show the whole bone"),
     ("G", "show the glenoid closely"),
+    ("A", "look as the surgeon does"),
+    ("L", "look straight onto the joint's face"),
+    ("E", "look along the tool"),
+    ("B", "a picture for each eye, side by side"),
+    ("T", "CT slices, or not"),
+    ("O", "plots, or not"),
     ("H", "hide or show the tool"),
     ("V", "next renderer"),
     ("X", "the tool shows through bone, or not"),
+    ("J", "chunks and what is culled of them, or not"),
     ("drag", "turn the view"),
     ("right or middle drag", "shift the view"),
     ("wheel", "come nearer or go away"),
+    ("F12", "save a picture of the window"),
     ("?", "this help"),
     ("Esc or Ctrl-Q", "close the viewer; the session goes on"),
 ];

@@ -10,7 +10,8 @@
 use super::View;
 use super::atlas::Atlas;
 use super::frustum::Frustum;
-use super::method::{Context, Method, Squares};
+use super::method::{Context, Fate, Method, Squares};
+use super::occlusion::Pyramid;
 use super::pipeline::Recipe;
 use crate::meshing::bits::{Apron, Occupied, read_chunk};
 use crate::meshing::faces::{faces, surface_voxels};
@@ -27,6 +28,8 @@ use std::thread;
 const CHUNKS_PER_FRAME: usize = 128;
 /// Chunks from which on threads pay.
 const WORTH_THREADS: usize = 8;
+/// Chunks in the picture from which on it pays to find out what is hidden.
+const WORTH_CULLING: usize = 24;
 /// Most threads.
 const MOST_THREADS: usize = 8;
 
@@ -127,7 +130,12 @@ pub(crate) struct Chunked {
     boxes: Vec<(DVec3, DVec3)>,
     places: wgpu::BindGroup,
     stride: u32,
-    visible: Vec<usize>,
+    // in the picture: the chunks that are drawn first, and those that wait for what these hide
+    first: Vec<usize>,
+    later: Vec<usize>,
+    // not hidden in the last picture
+    seen: Vec<bool>,
+    fates: Vec<Fate>,
     is_open: bool,
 }
 
@@ -137,38 +145,7 @@ impl Chunked {
         let device = &context.device;
         let bone = &model.bone;
         let layout = places_layout(device);
-        let groups = [&context.globals, &context.textures, &layout];
-        let attributes = [wgpu::VertexAttribute {
-            format: match mesher {
-                Mesher::Nets => wgpu::VertexFormat::Uint16x4,
-                _ => wgpu::VertexFormat::Uint32,
-            },
-            offset: 0,
-            shader_location: 0,
-        }];
-        let buffers = [wgpu::VertexBufferLayout {
-            array_stride: if mesher == Mesher::Nets { 8 } else { 4 },
-            step_mode: match mesher {
-                Mesher::Nets => wgpu::VertexStepMode::Vertex,
-                _ => wgpu::VertexStepMode::Instance,
-            },
-            attributes: &attributes,
-        }];
-        let recipe = |cull| Recipe {
-            label: "chunks",
-            text: mesher.text(),
-            entries: ["vertex_main", "fragment_main"],
-            groups: &groups,
-            buffers: &buffers,
-            topology: match mesher {
-                Mesher::Nets => wgpu::PrimitiveTopology::TriangleList,
-                _ => wgpu::PrimitiveTopology::TriangleStrip,
-            },
-            depth: wgpu::CompareFunction::Less,
-            cull,
-        };
-        // a splat's rectangle faces the eye
-        let cull = (mesher != Mesher::Splats).then_some(wgpu::Face::Back);
+        let [pipeline, open] = pipelines(context, mesher, &layout);
         let stride = device.limits().min_uniform_buffer_offset_alignment.max(16);
         let mut occupied = Occupied::new(bone.chunk_count());
         for chunk in 0..bone.chunk_count() {
@@ -177,8 +154,8 @@ impl Chunked {
         let threads = thread::available_parallelism().map_or(1, usize::from);
         Self {
             mesher,
-            pipeline: recipe(cull).surfaces(device),
-            open: recipe(None).surfaces(device),
+            pipeline,
+            open,
             occupied,
             waiting: vec![false; bone.chunk_count()],
             queue: VecDeque::new(),
@@ -191,7 +168,10 @@ impl Chunked {
                 .collect(),
             places: places(context, &layout, bone, stride),
             stride,
-            visible: Vec::new(),
+            first: Vec::new(),
+            later: Vec::new(),
+            seen: vec![true; bone.chunk_count()],
+            fates: vec![Fate::Empty; bone.chunk_count()],
             is_open: false,
         }
     }
@@ -232,6 +212,22 @@ impl Chunked {
         })
     }
 
+    fn draw_all(&self, pass: &mut wgpu::RenderPass<'_>, chunks: &[usize]) {
+        for &chunk in chunks {
+            let Some(piece) = &self.pieces[chunk] else {
+                continue;
+            };
+            pass.set_bind_group(2, &self.places, &[self.stride * chunk as u32]);
+            pass.set_vertex_buffer(0, piece.data.slice(..));
+            if let Some(indices) = &piece.indices {
+                pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint16);
+                pass.draw_indexed(0..piece.count, 0, 0..1);
+            } else {
+                pass.draw(0..4, 0..piece.count);
+            }
+        }
+    }
+
     fn upload(&mut self, context: &Context, chunk: usize, mesh: &Mesh) {
         let is_net = self.mesher == Mesher::Nets;
         let (data, count): (&[u8], usize) = if is_net {
@@ -257,6 +253,47 @@ impl Chunked {
             count: count as u32,
         });
     }
+}
+
+/// The pipelines of a mesher: closed shells, and such that a section plane opens.
+fn pipelines(
+    context: &Context,
+    mesher: Mesher,
+    layout: &wgpu::BindGroupLayout,
+) -> [wgpu::RenderPipeline; 2] {
+    let groups = [&context.globals, &context.textures, layout];
+    let attributes = [wgpu::VertexAttribute {
+        format: match mesher {
+            Mesher::Nets => wgpu::VertexFormat::Uint16x4,
+            _ => wgpu::VertexFormat::Uint32,
+        },
+        offset: 0,
+        shader_location: 0,
+    }];
+    let buffers = [wgpu::VertexBufferLayout {
+        array_stride: if mesher == Mesher::Nets { 8 } else { 4 },
+        step_mode: match mesher {
+            Mesher::Nets => wgpu::VertexStepMode::Vertex,
+            _ => wgpu::VertexStepMode::Instance,
+        },
+        attributes: &attributes,
+    }];
+    let recipe = |cull| Recipe {
+        label: "chunks",
+        text: mesher.text(),
+        entries: ["vertex_main", "fragment_main"],
+        groups: &groups,
+        buffers: &buffers,
+        topology: match mesher {
+            Mesher::Nets => wgpu::PrimitiveTopology::TriangleList,
+            _ => wgpu::PrimitiveTopology::TriangleStrip,
+        },
+        depth: wgpu::CompareFunction::Less,
+        cull,
+    };
+    // a splat's rectangle faces the eye
+    let cull = (mesher != Mesher::Splats).then_some(wgpu::Face::Back);
+    [cull, None].map(|cull| recipe(cull).surfaces(&context.device))
 }
 
 /// Writes bytes (a multiple of four) into a buffer; into a new one, half as large again, where the
@@ -375,11 +412,20 @@ impl Method for Chunked {
     fn aim(&mut self, _context: &Context, view: &View, _atlas: &Atlas) {
         let frustum = Frustum::new(&view.camera.clip_from_bone(view.aspect()));
         self.is_open = view.look.section.is_some();
-        self.visible.clear();
+        self.first.clear();
+        self.later.clear();
         for (chunk, (lo, hi)) in self.boxes.iter().enumerate() {
-            if self.pieces[chunk].is_some() && frustum.touches(*lo, *hi) {
-                self.visible.push(chunk);
-            }
+            self.fates[chunk] = if self.pieces[chunk].is_none() {
+                Fate::Empty
+            } else if !frustum.touches(*lo, *hi) {
+                Fate::Outside
+            } else if self.seen[chunk] {
+                self.first.push(chunk);
+                Fate::Drawn
+            } else {
+                self.later.push(chunk);
+                Fate::Hidden
+            };
         }
         // near ones first: what they hide is not shaded
         let eye = view.camera.axes().eye;
@@ -387,7 +433,7 @@ impl Method for Chunked {
             let (lo, hi) = self.boxes[*chunk];
             eye.distance_squared(0.5 * (lo + hi))
         };
-        self.visible.sort_by(|a, b| far(a).total_cmp(&far(b)));
+        self.first.sort_by(|a, b| far(a).total_cmp(&far(b)));
     }
 
     fn draw(&self, pass: &mut wgpu::RenderPass<'_>, _squares: &Squares) {
@@ -396,19 +442,43 @@ impl Method for Chunked {
         } else {
             &self.pipeline
         });
-        for &chunk in &self.visible {
-            let Some(piece) = &self.pieces[chunk] else {
-                continue;
-            };
-            pass.set_bind_group(2, &self.places, &[self.stride * chunk as u32]);
-            pass.set_vertex_buffer(0, piece.data.slice(..));
-            if let Some(indices) = &piece.indices {
-                pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint16);
-                pass.draw_indexed(0..piece.count, 0, 0..1);
-            } else {
-                pass.draw(0..4, 0..piece.count);
-            }
+        self.draw_all(pass, &self.first);
+    }
+
+    fn is_culling(&self) -> bool {
+        self.first.len() + self.later.len() >= WORTH_CULLING
+    }
+
+    fn cull(&mut self, view: &View, pyramid: Option<&Pyramid>) {
+        let clip_from_bone = view.camera.clip_from_bone(view.aspect());
+        let eye = view.camera.axes().eye;
+        let boxes = &self.boxes;
+        let hides =
+            |chunk: usize| pyramid.is_some_and(|p| p.hides(&clip_from_bone, eye, boxes[chunk]));
+        for &chunk in &self.first {
+            self.seen[chunk] = !hides(chunk);
         }
+        for &chunk in &self.later {
+            self.seen[chunk] = !hides(chunk);
+        }
+        let seen = &self.seen;
+        self.later.retain(|&chunk| seen[chunk]);
+        for &chunk in &self.later {
+            self.fates[chunk] = Fate::Drawn;
+        }
+    }
+
+    fn draw_rest(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_pipeline(if self.is_open {
+            &self.open
+        } else {
+            &self.pipeline
+        });
+        self.draw_all(pass, &self.later);
+    }
+
+    fn fate(&self, chunk: usize) -> Fate {
+        self.fates[chunk]
     }
 
     fn bytes(&self) -> u64 {

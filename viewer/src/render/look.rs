@@ -4,9 +4,10 @@ use super::method::Kind;
 use crate::camera::Axes;
 use glam::DVec3;
 use osteon_sim_core::pose::Pose;
+use serde::{Deserialize, Serialize};
 
 /// What the bone's colours say.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub(crate) enum Colouring {
     /// Bone outside, the layers on a cut.
     #[default]
@@ -53,6 +54,8 @@ pub(crate) struct Look {
     pub(crate) window_hu: [f32; 2],
     /// Whether the tool shows through bone.
     pub(crate) ghost: bool,
+    /// Whether the chunks' boxes are drawn over the picture.
+    pub(crate) boxes: bool,
 }
 
 /// A grey scale for bone: -50 to 1250 HU.
@@ -66,12 +69,13 @@ impl Default for Look {
             section: None,
             window_hu: BONE_WINDOW_HU,
             ghost: false,
+            boxes: false,
         }
     }
 }
 
 /// Which plane hides bone.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub(crate) enum Cutaway {
     /// None.
     #[default]
@@ -113,7 +117,7 @@ impl Cutaway {
 }
 
 /// What a person chose of the view.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct ViewChoice {
     /// The renderer.
     pub(crate) method: Kind,
@@ -125,6 +129,9 @@ pub(crate) struct ViewChoice {
     pub(crate) shift_mm: f64,
     /// Whether the tool shows through bone.
     pub(crate) ghost: bool,
+    /// Whether the chunks' boxes are drawn over the picture.
+    #[serde(default)]
+    pub(crate) boxes: bool,
 }
 
 /// Where things are, for the section plane; bone frame.
@@ -149,6 +156,14 @@ impl ViewChoice {
         }
     }
 
+    /// The same with the chunks' boxes or without.
+    pub(crate) fn with_other_boxes(self) -> Self {
+        Self {
+            boxes: !self.boxes,
+            ..self
+        }
+    }
+
     /// The same with the ghost on or off.
     pub(crate) fn with_other_ghost(self) -> Self {
         Self {
@@ -165,6 +180,7 @@ impl ViewChoice {
             section: self.section(places),
             window_hu: BONE_WINDOW_HU,
             ghost: self.ghost,
+            boxes: self.boxes,
         }
     }
 

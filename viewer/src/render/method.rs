@@ -8,11 +8,22 @@ use super::View;
 use super::atlas::Atlas;
 use super::chunked::{Chunked, Mesher};
 use super::iso::Iso;
+use super::occlusion::Pyramid;
 use super::section::Section;
 use crate::mirror::Model;
 
 /// The methods.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    clap::ValueEnum,
+    serde::Serialize,
+    serde::Deserialize,
+)]
 pub enum Kind {
     /// Smooth iso-surface of the fields, marched ray by ray through the map of bricks
     #[default]
@@ -103,8 +114,63 @@ pub(crate) trait Method: core::fmt::Debug {
     /// Draws into the surface buffers; groups 0 and 1 are set. `squares` can show bone.
     fn draw(&self, pass: &mut wgpu::RenderPass<'_>, squares: &Squares);
 
+    /// Whether [`Self::cull`] is worth its wait: something was not drawn yet, or may be hidden.
+    fn is_culling(&self) -> bool {
+        false
+    }
+
+    /// Takes note of what is hidden behind all that was drawn; `None` where that is not known.
+    fn cull(&mut self, _view: &View, _pyramid: Option<&Pyramid>) {}
+
+    /// Draws what [`Self::draw`] left for after [`Self::cull`].
+    fn draw_rest(&self, _pass: &mut wgpu::RenderPass<'_>) {}
+
+    /// What became of a chunk in the last picture.
+    fn fate(&self, _chunk: usize) -> Fate {
+        Fate::Drawn
+    }
+
     /// Bytes on the adapter beside the bone's textures.
     fn bytes(&self) -> u64;
+}
+
+/// What became of a chunk in a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Fate {
+    /// It was drawn.
+    Drawn,
+    /// It lies outside the picture.
+    Outside,
+    /// It lies behind others.
+    Hidden,
+    /// Nothing of it is left to draw.
+    Empty,
+}
+
+/// How many chunks met which fate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Fates {
+    /// Drawn.
+    pub(crate) drawn: usize,
+    /// Outside the picture.
+    pub(crate) outside: usize,
+    /// Behind others.
+    pub(crate) hidden: usize,
+}
+
+impl Fates {
+    /// Counted.
+    pub(crate) fn of(all: impl Iterator<Item = Fate>) -> Self {
+        all.fold(Self::default(), |mut sum, fate| {
+            match fate {
+                Fate::Drawn => sum.drawn += 1,
+                Fate::Outside => sum.outside += 1,
+                Fate::Hidden => sum.hidden += 1,
+                Fate::Empty => {}
+            }
+            sum
+        })
+    }
 }
 
 /// The squares of the picture that can show something, as a buffer of instances.

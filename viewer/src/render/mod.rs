@@ -6,11 +6,13 @@
 
 pub(crate) mod atlas;
 pub(crate) mod blit;
+pub(crate) mod boxes;
 pub(crate) mod chunked;
 pub(crate) mod frustum;
 pub(crate) mod iso;
 pub(crate) mod look;
 pub(crate) mod method;
+pub(crate) mod occlusion;
 pub(crate) mod pipeline;
 pub(crate) mod section;
 pub(crate) mod shade;
@@ -19,11 +21,15 @@ pub(crate) mod tiles;
 pub(crate) mod tool;
 pub(crate) mod uniforms;
 
+use crate::adapter::Watch;
 use crate::camera::Camera;
 use crate::mirror::Model;
 use atlas::Atlas;
+use boxes::Boxes;
+use glam::DVec3;
 use look::Look;
-use method::{Context, Kind, Method, Squares};
+use method::{Context, Fates, Kind, Method, Squares};
+use occlusion::Reduce;
 use osteon_protocol::ipc::ToolInfo;
 use osteon_sim_core::pose::Pose;
 use shade::Shade;
@@ -61,14 +67,21 @@ impl View {
 #[derive(Debug)]
 pub(crate) struct Renderer {
     context: Context,
+    watch: Watch,
     globals: wgpu::Buffer,
     globals_group: wgpu::BindGroup,
     shade: Shade,
     tool_pass: ToolPass,
+    reduce: Reduce,
+    boxes: Boxes,
+    // corners of every chunk's box
+    chunk_boxes: Vec<(DVec3, DVec3)>,
     tiles: Tiles,
     squares: Squares,
     target: Target,
     surfaces: wgpu::BindGroup,
+    // the right eye's, where there are two pictures
+    right: Option<(Target, wgpu::BindGroup)>,
     kind: Kind,
     // both or none: the bone that is loaded
     bone: Option<(Atlas, Box<dyn Method>)>,
@@ -89,11 +102,16 @@ impl Renderer {
         Self {
             globals_group: uniforms::group(device, &context.globals, &globals),
             tool_pass: ToolPass::new(&context),
+            reduce: Reduce::new(&context),
+            boxes: Boxes::new(&context),
+            chunk_boxes: Vec::new(),
             tiles: Tiles::default(),
             squares: Squares::new(device),
             surfaces: shade.group(device, &target),
             target,
+            right: None,
             shade,
+            watch: Watch::new(device),
             context,
             globals,
             kind: Kind::default(),
@@ -108,6 +126,8 @@ impl Renderer {
         let atlas = Atlas::new(device, queue, model, &self.context.textures)?;
         let method = method::make(self.kind, &self.context, model)?;
         self.tool_pass.load(device, tools);
+        let chunks = 0..model.bone.chunk_count();
+        self.chunk_boxes = chunks.map(|c| chunked::chunk_box(&model.bone, c)).collect();
         self.bone = Some((atlas, method));
         Ok(())
     }
@@ -155,6 +175,14 @@ impl Renderer {
         self.bone.as_ref().is_some_and(|(_, m)| m.is_behind())
     }
 
+    /// What became of the chunks in the last picture.
+    pub(crate) fn fates(&self) -> Fates {
+        let all = 0..self.chunk_boxes.len();
+        self.bone
+            .as_ref()
+            .map_or_else(Fates::default, |(_, m)| Fates::of(all.map(|c| m.fate(c))))
+    }
+
     /// Bytes on the adapter for bone and picture.
     pub(crate) fn bytes(&self) -> u64 {
         let of = |(atlas, method): &(Atlas, Box<dyn Method>)| atlas.bytes() + method.bytes();
@@ -173,13 +201,34 @@ impl Renderer {
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let tool = view.tool.map(|(index, _)| index);
-        if let Some((atlas, method)) = &self.bone {
-            let mut pass = self.target.begin_surfaces(&mut encoder);
-            pass.set_bind_group(0, &self.globals_group, &[]);
-            pass.set_bind_group(1, atlas.group(), &[]);
-            method.draw(&mut pass, &self.squares);
-            if let Some(index) = tool {
-                self.tool_pass.draw(&mut pass, index);
+        if let Some((atlas, method)) = &mut self.bone {
+            {
+                let mut pass = self.target.begin_surfaces(&mut encoder, true);
+                pass.set_bind_group(0, &self.globals_group, &[]);
+                pass.set_bind_group(1, atlas.group(), &[]);
+                method.draw(&mut pass, &self.squares);
+                if let Some(index) = tool {
+                    self.tool_pass.draw(&mut pass, index);
+                }
+            }
+            if method.is_culling() {
+                let next = wgpu::CommandEncoderDescriptor::default();
+                let next = self.context.device.create_command_encoder(&next);
+                let first = core::mem::replace(&mut encoder, next);
+                let distances = &self.target.surface_views()[2];
+                let pyramid = self
+                    .reduce
+                    .pyramid(&self.context, first, distances, view.size);
+                // an adapter that does not answer hides nothing
+                method.cull(view, pyramid.unwrap_or(None).as_ref());
+                let mut pass = self.target.begin_surfaces(&mut encoder, false);
+                pass.set_bind_group(0, &self.globals_group, &[]);
+                pass.set_bind_group(1, atlas.group(), &[]);
+                method.draw_rest(&mut pass);
+            }
+            if view.look.boxes {
+                self.boxes
+                    .set(&self.context, &self.chunk_boxes, &|c| method.fate(c));
             }
         }
         {
@@ -192,9 +241,28 @@ impl Renderer {
                 if let Some(index) = tool.filter(|_| view.look.ghost) {
                     self.tool_pass.draw_ghost(&mut pass, index);
                 }
+                if view.look.boxes {
+                    self.boxes.draw(&mut pass);
+                }
             }
         }
         self.context.queue.submit([encoder.finish()]);
+    }
+
+    /// Draws the right eye's view into a picture of its own.
+    pub(crate) fn draw_right(&mut self, view: &View) {
+        let device = &self.context.device;
+        let (target, surfaces) = self.right.take().unwrap_or_else(|| {
+            let target = Target::new(device, view.size);
+            let surfaces = self.shade.group(device, &target);
+            (target, surfaces)
+        });
+        let left = core::mem::replace(&mut self.target, target);
+        let left_surfaces = core::mem::replace(&mut self.surfaces, surfaces);
+        self.draw(view);
+        let target = core::mem::replace(&mut self.target, left);
+        let surfaces = core::mem::replace(&mut self.surfaces, left_surfaces);
+        self.right = Some((target, surfaces));
     }
 
     /// Writes what the passes read of a view.
@@ -220,6 +288,11 @@ impl Renderer {
         }
     }
 
+    /// An error where the adapter failed since the start.
+    pub(crate) fn check(&self) -> anyhow::Result<()> {
+        self.watch.check()
+    }
+
     /// Waits until all submitted work is done.
     pub(crate) fn wait(&self) -> anyhow::Result<()> {
         self.context
@@ -228,12 +301,19 @@ impl Renderer {
             .map_err(|e| {
                 anyhow::anyhow!("the graphics adapter stopped answering ({e}); restart the viewer")
             })?;
-        Ok(())
+        self.check()
     }
 
     /// The picture's view, for [`blit`].
     pub(crate) fn picture(&self) -> Arc<wgpu::TextureView> {
         self.target.picture()
+    }
+
+    /// The right eye's picture; the left one's where there is none.
+    pub(crate) fn picture_right(&self) -> Arc<wgpu::TextureView> {
+        self.right
+            .as_ref()
+            .map_or_else(|| self.target.picture(), |(t, _)| t.picture())
     }
 
     /// The picture as RGBA bytes, row by row from the top.

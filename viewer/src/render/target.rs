@@ -86,18 +86,24 @@ impl Target {
         &self.surface_views
     }
 
-    /// Begins to fill the surface buffers: nothing anywhere.
+    /// Begins to fill the surface buffers, `anew` with nothing anywhere, else on what they hold.
     pub(crate) fn begin_surfaces<'e>(
         &self,
         encoder: &'e mut wgpu::CommandEncoder,
+        anew: bool,
     ) -> wgpu::RenderPass<'e> {
+        let colour = if anew {
+            wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT)
+        } else {
+            wgpu::LoadOp::Load
+        };
         let attachments = self.surface_views.each_ref().map(|view| {
             Some(wgpu::RenderPassColorAttachment {
                 view,
                 depth_slice: None,
                 resolve_target: None,
                 ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    load: colour,
                     store: wgpu::StoreOp::Store,
                 },
             })
@@ -108,7 +114,11 @@ impl Target {
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                 view: &self.depth_view,
                 depth_ops: Some(wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(1.0),
+                    load: if anew {
+                        wgpu::LoadOp::Clear(1.0)
+                    } else {
+                        wgpu::LoadOp::Load
+                    },
                     store: wgpu::StoreOp::Store,
                 }),
                 stencil_ops: None,
@@ -177,7 +187,7 @@ impl Target {
 }
 
 /// The bytes of a texture with texels of `texel` bytes.
-fn read(
+pub(crate) fn read(
     device: &wgpu::Device,
     queue: &wgpu::Queue,
     texture: &wgpu::Texture,

@@ -12,6 +12,8 @@ fn texts() -> Vec<(&'static str, String)> {
         ("splats", chunked::Mesher::Splats.text()),
         ("shade", shade::text()),
         ("tool", tool::text()),
+        ("boxes", boxes::text()),
+        ("reduce", occlusion::text()),
         ("blit", include_str!("blit.wgsl").to_owned()),
     ]
 }

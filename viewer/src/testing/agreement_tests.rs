@@ -163,3 +163,31 @@ fn carving_by_bricks_gives_every_method_the_picture_of_a_fresh_start() {
         assert!(differ(&before, &after) > 100, "{}", kind.name());
     }
 }
+
+#[test]
+fn culling_hides_chunks_and_changes_no_pixel() {
+    if is_skipped("culling") {
+        return;
+    }
+    // chunks of 16 mm: those at the far side are behind those at the near one
+    let (bone, middle) = ball(110, DVec3::splat(0.5), 26.0);
+    let plan = Pose::from_origin_and_z(middle + DVec3::X * 26.0, DVec3::X);
+    let cut = operated(&bone, &plan);
+    let tools = Tool::standard_set();
+    let stage = || Stage::new(&bone, &cut, &plan, &tools, Kind::Cubes, [480, 360]).unwrap();
+    let mut moving = stage();
+    moving.show_whole();
+    let mut most = 0;
+    for n in 0..16 {
+        // a camera that moves makes chunks come out from behind others
+        moving.turn(DVec2::new(0.12, 0.04 * (0.7 * f64::from(n)).sin()));
+        let culled = moving.picture().unwrap();
+        most = most.max(moving.hidden());
+        // everything is drawn in a first picture
+        let mut fresh = stage();
+        fresh.stand_as(&moving);
+        assert!(culled == fresh.picture().unwrap(), "picture {n}");
+    }
+    eprintln!("of {} chunks, at most {most} hidden", bone.chunk_count());
+    assert!(most > 2, "{most}");
+}

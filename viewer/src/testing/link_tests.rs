@@ -28,7 +28,7 @@ fn args(socket: &Path, out: Option<PathBuf>) -> ViewArgs {
         offscreen: out,
         size: [320, 180],
         scale: None,
-        renderer: crate::RendererKind::Iso,
+        renderer: None,
         seconds: None,
         avoid_core: None,
         die_with_parent: false,
@@ -177,6 +177,32 @@ fn an_absent_socket_is_named_with_the_remedy() {
         line.contains("/nonexistent/osteon.sock") && line.contains("--socket"),
         "{line}"
     );
+}
+
+/// Sends commands and sees them arrive, in order.
+pub(crate) fn arrive(commands: &[Command]) {
+    let wanted = commands.to_vec();
+    let server = Server::start(
+        "every-command",
+        Box::new(move |talk| {
+            talk.hello();
+            assert!(matches!(talk.hear(), FromViewer::Hello { .. }));
+            assert!(matches!(talk.hear(), FromViewer::Join(_)));
+            for command in wanted {
+                assert_eq!(talk.hear(), FromViewer::Command(command));
+            }
+            talk.bye();
+        }),
+    );
+    let shared = Shared::new();
+    let link = start(&server.socket, &shared).unwrap();
+    assert!(commands.iter().all(|&c| link.command(c)));
+    shared.wait(Duration::from_secs(10), |m| m.end.is_some());
+    assert!(matches!(
+        shared.mirror().end,
+        Some(crate::mirror::End::Bye(_))
+    ));
+    server.join();
 }
 
 #[test]

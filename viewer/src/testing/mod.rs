@@ -7,6 +7,7 @@ pub(crate) mod stage;
 
 mod agreement_tests;
 mod depth_tests;
-mod link_tests;
+pub(crate) mod link_tests;
 mod mirror_tests;
 mod picture_tests;
+mod ui_tests;

@@ -59,6 +59,30 @@ fn the_silhouette_of_a_ball_has_the_area_of_its_cone_of_rays() {
 }
 
 #[test]
+fn an_adapter_that_is_gone_is_an_error_and_no_panic() {
+    let Some(gpu) = gpu("lost adapter") else {
+        return;
+    };
+    let (bone, middle) = ball(40, DVec3::splat(0.5), 8.0);
+    let mut model = model(&bone, Cut::new(&bone));
+    let mut renderer = renderer(&gpu, &mut model);
+    let view = view(at_ball(middle), [64, 48]);
+    renderer.draw(&view);
+    renderer.wait().unwrap();
+    gpu.device.destroy();
+    // a new size asks for new textures
+    renderer.draw(&View {
+        size: [80, 60],
+        ..view
+    });
+    let said = renderer.wait().unwrap_err().to_string();
+    assert!(
+        said.contains("start the viewer again") && !said.contains('\n'),
+        "{said}"
+    );
+}
+
+#[test]
 fn a_notch_changes_the_pixels_where_it_is_and_no_others() {
     let Some(gpu) = gpu("notch") else { return };
     let (bone, middle) = ball(80, DVec3::splat(0.5), 14.0);

@@ -76,10 +76,8 @@ impl<'a> ThesisOnAdapter<'a> {
         let densities = filled("densities", bytemuck::cast_slice(&cpu.values), copied);
         let solid = filled("tool", bytemuck::cast_slice(tool.bits()), storage);
         let removed = filled("removed", &[0; 4], copied);
-        let stride = limits
-            .min_uniform_buffer_offset_alignment
-            .max(size_of::<Uniform>() as u32);
-        let stride = (stride as usize).next_multiple_of(16);
+        let alignment = limits.min_uniform_buffer_offset_alignment.max(16) as usize;
+        let stride = size_of::<Uniform>().next_multiple_of(alignment);
         let places = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("places"),
             size: (stride * cpu.coords.len().max(1)) as u64,
