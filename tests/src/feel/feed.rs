@@ -190,9 +190,15 @@ pub struct LedgerRow {
 
 /// A bone in which a tool already stands, spindle on or off, its device in the socket.
 pub fn seated(faced: &Faced, density: f64, spindle: bool) -> (Guided, Spec) {
+    seated_with(&Feel::default(), faced, density, spindle)
+}
+
+/// The same with a feel of one's own.
+pub fn seated_with(feel: &Feel, faced: &Faced, density: f64, spindle: bool) -> (Guided, Spec) {
     let wide = 2.0 * faced.radius_mm + 5.0;
     let extent = DVec3::new(wide, wide, faced.depth_mm + 12.0);
     let mut spec = Spec::at(socket(&faced.tool, extent, faced.depth_mm, density, 0.5));
+    spec.feel = *feel;
     spec.scale = FINE;
     let mut guided = Guided::new(&spec, DVec3::Z * 10.0, spindle);
     guided.glide(DVec3::Z * 0.01, 40.0);
