@@ -41,12 +41,24 @@ pub struct LawFeel {
     pub feed_ratio: f64,
     /// Friction of a cutting edge under its yield pressure (μ): torque without feed.
     pub edge_friction: f64,
+    /// How far ahead of an element its density is read, voxels.
+    pub look_ahead_voxels: f64,
     /// Smallest effective radius as a share of the tool's, for the centre that hardly moves.
     pub min_radius: f64,
     /// Apparent density at 0 HU, g/cm³.
     pub density_at_zero_hu: f64,
     /// Its slope, g/cm³ per HU.
     pub density_per_hu: f64,
+}
+
+/// When a cutting element holds bone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GripFeel {
+    /// Below this gap it takes hold, mm: wider than the stored distance's unit, so that quantisation cannot
+    /// chatter.
+    pub take_mm: f64,
+    /// It lets go above so many times that gap.
+    pub release: f64,
 }
 
 /// The spindle's motor.
@@ -94,6 +106,8 @@ pub struct Feel {
     pub law: LawFeel,
     /// Materials by [`Tissue`].
     pub materials: [Material; TISSUES],
+    /// When an element holds bone.
+    pub grip: GripFeel,
     /// The spindle.
     pub spindle: SpindleFeel,
     /// The guards.
@@ -128,11 +142,16 @@ impl Default for Feel {
             law: LawFeel {
                 feed_ratio: 1.0,
                 edge_friction: 0.1,
+                look_ahead_voxels: 1.0,
                 min_radius: 0.1,
                 density_at_zero_hu: DENSITY_AT_ZERO_HU,
                 density_per_hu: DENSITY_PER_HU,
             },
             materials,
+            grip: GripFeel {
+                take_mm: 1e-3,
+                release: 4.0,
+            },
             spindle: SpindleFeel {
                 spin_up_s: 0.3,
                 stall_nmm: 3000.0,

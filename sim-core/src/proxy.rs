@@ -236,17 +236,21 @@ impl Proxy {
         let motion = solution.motion * share;
         let spent = *time_s * share;
         *time_s = (*time_s - spent).max(1e-3 * feel.tick_s);
-        self.contacts.set_time(spent);
-        let deed = self.contacts.terms().deed(&motion);
-        if self.contacts.terms().advance_mm(&motion) > 2.0 * YIELD_EPS_MM {
+        self.contacts.place(&motion, spent);
+        let deed = self.contacts.terms().deed();
+        if self.contacts.terms().advance_mm() > 2.0 * YIELD_EPS_MM {
             if around.carry.is_pending() {
                 return true;
             }
+            self.contacts.advance();
             reaction.hand_mj += deed.hand_mj;
             reaction.spindle_mj += deed.spindle_mj;
             self.advance(around, &motion, reaction);
         } else {
             let motion = self.contacts.terms().without_creep(motion);
+            if motion != Motion::ZERO {
+                self.contacts.slide();
+            }
             self.bone_from_tool = moved(&self.bone_from_tool, &motion, radius);
         }
         reaction.spindle_nmm += deed.edge_nmm * (spent / feel.tick_s).min(1.0);

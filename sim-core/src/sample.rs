@@ -180,13 +180,22 @@ impl<'a> Sampler<'a> {
     /// Signed distance into what is left of the bone, mm ([`Fields::depth`]).
     #[inline]
     pub fn depth(&self, p_in_bone: DVec3) -> f32 {
+        let (solid, cut) = self.both(p_in_bone);
+        solid.min(cut)
+    }
+
+    /// Distance to the bone's surface as it was, positive inside, and to what was cut, positive outside the
+    /// cut; mm.
+    #[inline]
+    pub fn both(&self, p_in_bone: DVec3) -> (f32, f32) {
         let Some((corner, fraction)) = self.corner(p_in_bone) else {
-            return self.outside().depth();
+            let outside = self.outside();
+            return (outside.solid, outside.cut);
         };
         let [solid, cut] = self.distances(corner);
         let solid = trilinear(&solid, fraction) * self.quantum_mm;
         let cut = trilinear(&cut, fraction) * self.quantum_mm;
-        solid.min(cut)
+        (solid, cut)
     }
 
     /// Both distances and the gradient.

@@ -18,6 +18,7 @@ fn about(table: &str) -> &'static str {
     match table {
         "coupling" => "The spring between the hand and the tool.",
         "law" => "The cutting law, as far as all tissues share it.",
+        "grip" => "When a cutting element holds bone and when it lets go.",
         "spindle" => "The spindle's motor.",
         "guard" => "What stands between the spring and the motors.",
         _ => "A material; yield and energy are at 1 g/cm3 and go with the square of the density.",

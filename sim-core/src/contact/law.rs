@@ -7,7 +7,7 @@
 
 use super::{RIGID_N_PER_MM3, ToolState};
 use crate::feel::Feel;
-use crate::sample::{Matter, Sampler};
+use crate::sample::Sampler;
 use glam::DVec3;
 
 /// What one element meets, per area.
@@ -41,26 +41,21 @@ impl<'a> Cutter<'a> {
         Self {
             sampler,
             feel,
-            ahead_mm: h,
+            ahead_mm: h * feel.law.look_ahead_voxels,
             smallest_mm: feel.law.min_radius * state.tool.shape.bounds().reach_mm(),
             omega_rad_s: state.omega_rad_s,
         }
     }
 
-    /// At an element at `p` with outward `normal` (bone frame), `radius_mm` from the spindle's axis. The
-    /// density is read one voxel ahead of the surface, from the bone as it was, so that a cut that lags by a tick
-    /// changes nothing; where there is none ahead, at the element.
-    pub fn resistance(&self, p: DVec3, normal: DVec3, radius_mm: f64) -> Resistance {
+    /// Apparent density, g/cm³, and tissue class that an element at `p` with outward `normal` meets (bone
+    /// frame). They are read one voxel ahead of the surface (as the feel says), from the bone as it was, so
+    /// that a cut that lags by a tick changes nothing; where there is none ahead, at the element.
+    pub fn met(&self, p: DVec3, normal: DVec3) -> (f64, u8) {
         let ahead = self.sampler.matter(p + normal * self.ahead_mm);
-        let found = ahead
-            .or_else(|| self.sampler.matter(p))
-            .map(|matter| (self.density(matter), matter.class));
-        let (density, class) = found.unwrap_or((self.feel.density_g_cm3(-1000.0), 0));
-        self.of(density, class, radius_mm)
-    }
-
-    fn density(&self, matter: Matter) -> f64 {
-        self.feel.density_g_cm3(f64::from(matter.hu))
+        let found = ahead.or_else(|| self.sampler.matter(p));
+        found.map_or((self.feel.density_g_cm3(-1000.0), 0), |matter| {
+            (self.feel.density_g_cm3(f64::from(matter.hu)), matter.class)
+        })
     }
 
     /// The law for an apparent density in g/cm³ and a tissue class.

@@ -35,8 +35,10 @@ struct Point {
 
 /// The minimum of coupling and terms, begun at the better of `guess` and rest.
 pub(super) fn minimum(terms: &mut Terms, coupling: &Coupling, guess: &Motion) -> Solution {
-    let total = |m: &Motion| coupling.energy(m) + terms.energy(m);
-    let mut motion = if guess.is_finite() && total(guess) < total(&Motion::ZERO) {
+    terms.place(guess);
+    let begun = coupling.energy(guess) + terms.energy_here();
+    let at_rest = coupling.energy(&Motion::ZERO) + terms.energy_at_rest();
+    let mut motion = if guess.is_finite() && begun < at_rest {
         *guess
     } else {
         Motion::ZERO
@@ -85,7 +87,7 @@ fn derivatives(terms: &mut Terms, coupling: &Coupling, motion: &Motion) -> Point
         }
     }
     let mut gradient = coupling.gradient(motion).to_array();
-    terms.place(motion.to_array());
+    terms.place(motion);
     terms.derivatives(&mut gradient, &mut hessian);
     Point { gradient, hessian }
 }

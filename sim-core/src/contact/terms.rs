@@ -1,4 +1,13 @@
-//! The elements' terms in the minimisation, kept in columns so that a step over all is cheap.
+//! The elements' terms in the minimisation, kept in columns of eights so that a step over all is cheap.
+//!
+//! Sums are kept in eight lanes and added up in one order, and nothing is fused, so the bits are the same on
+//! every vector unit (`pulp` picks it at run time).
+
+#![expect(
+    clippy::inline_always,
+    clippy::needless_range_loop,
+    reason = "lanes must melt into the unit's job"
+)]
 
 use super::{Resistance, YIELD_EPS_MM};
 use core::ops::{Add, Mul, Sub};
@@ -33,11 +42,20 @@ pub struct Term {
 /// up to this.
 pub const MAX_TERMS: usize = 5120;
 
+/// Stiffness of the regularised corner per yield force, 1/mm.
+const STEEP: f64 = 1.0 / YIELD_EPS_MM;
+/// Terms are worked on in groups of this many.
+const LANES: usize = 8;
+/// Entries of a lower triangle of six rows.
+const TRIANGLE: usize = 21;
+
 /// All terms. At most [`MAX_TERMS`]; allocates only when made.
 #[derive(Debug, Clone)]
 pub struct Terms {
-    // normal and lever
-    rows: Vec<[f64; 6]>,
+    unit: pulp::Arch,
+    count: usize,
+    // columns, filled up to a multiple of LANES with terms that nothing reaches; first normal and lever
+    rows: [Vec<f64>; 6],
     offset: Vec<f64>,
     // Y, N
     yield_n: Vec<f64>,
@@ -49,9 +67,9 @@ pub struct Terms {
     energy: Vec<f64>,
     edge: Vec<f64>,
     vibration: Vec<f64>,
-    // scratch of the solver: s, and its slope along a direction
-    pub(super) s: Vec<f64>,
-    pub(super) slope: Vec<f64>,
+    // scratch: s, and its slope along a direction
+    s: Vec<f64>,
+    slope: Vec<f64>,
 }
 
 impl Motion {
@@ -137,9 +155,11 @@ pub struct Deed {
 impl Terms {
     /// Room for every element of any tool.
     pub fn new() -> Self {
-        let column = || Vec::with_capacity(MAX_TERMS);
+        let column = || Vec::with_capacity(MAX_TERMS.next_multiple_of(LANES));
         Self {
-            rows: Vec::with_capacity(MAX_TERMS),
+            unit: pulp::Arch::new(),
+            count: 0,
+            rows: [(); 6].map(|()| column()),
             offset: column(),
             yield_n: column(),
             drag: column(),
@@ -152,10 +172,15 @@ impl Terms {
         }
     }
 
-    /// Forgets all.
-    pub fn clear(&mut self) {
-        self.rows.clear();
-        for column in [
+    fn columns(&mut self) -> [&mut Vec<f64>; 15] {
+        let [a, b, c, d, e, f] = &mut self.rows;
+        [
+            a,
+            b,
+            c,
+            d,
+            e,
+            f,
             &mut self.offset,
             &mut self.yield_n,
             &mut self.drag,
@@ -165,39 +190,53 @@ impl Terms {
             &mut self.vibration,
             &mut self.s,
             &mut self.slope,
-        ] {
+        ]
+    }
+
+    /// Forgets all.
+    pub fn clear(&mut self) {
+        self.count = 0;
+        for column in self.columns() {
             column.clear();
         }
     }
 
     /// Number of terms.
     pub fn len(&self) -> usize {
-        self.rows.len()
+        self.count
     }
 
     /// True where there is none.
     pub fn is_empty(&self) -> bool {
-        self.rows.is_empty()
+        self.count == 0
     }
 
     /// One more; beyond [`MAX_TERMS`] it is left out.
     pub fn push(&mut self, term: &Term) {
-        if self.rows.len() >= MAX_TERMS {
+        let at = self.count;
+        if at >= MAX_TERMS {
             return;
         }
+        if at == self.offset.len() {
+            for column in self.columns() {
+                column.resize(at + LANES, 0.0);
+            }
+            self.offset[at..].fill(-1.0);
+        }
+        self.count += 1;
         let (n, l) = (term.normal, term.lever);
-        self.rows.push([n.x, n.y, n.z, l.x, l.y, l.z]);
-        self.offset.push(term.offset);
-        self.viscous.push(term.rigid);
-        self.s.push(0.0);
-        self.slope.push(0.0);
-        let part = |of: fn(&Resistance) -> f64| term.cut.map_or(0.0, |(area, law)| area * of(&law));
-        self.yield_n.push(part(|law| law.yield_n_per_mm2));
-        self.drag.push(part(|law| law.viscous_n_s_per_mm3));
-        self.energy.push(part(|law| law.energy_n_per_mm2));
-        self.edge.push(part(|law| law.edge_nmm_per_mm2));
-        self.vibration
-            .push(term.cut.map_or(0.0, |(_, law)| law.vibration));
+        for (column, value) in self.rows.iter_mut().zip([n.x, n.y, n.z, l.x, l.y, l.z]) {
+            column[at] = value;
+        }
+        self.offset[at] = term.offset;
+        self.viscous[at] = term.rigid;
+        if let Some((area, law)) = &term.cut {
+            self.yield_n[at] = area * law.yield_n_per_mm2;
+            self.drag[at] = area * law.viscous_n_s_per_mm3;
+            self.energy[at] = area * law.energy_n_per_mm2;
+            self.edge[at] = area * law.edge_nmm_per_mm2;
+            self.vibration[at] = law.vibration;
+        }
     }
 
     /// Sets the time, s, within which cutting elements move.
@@ -209,82 +248,149 @@ impl Terms {
         }
     }
 
-    fn depth(&self, i: usize, x: [f64; 6]) -> f64 {
-        along(&self.rows[i], x) + self.offset[i]
-    }
-
-    /// s of every term at `x` into the scratch.
-    pub(super) fn place(&mut self, x: [f64; 6]) {
-        for ((s, row), offset) in self.s.iter_mut().zip(&self.rows).zip(&self.offset) {
-            *s = along(row, x) + offset;
-        }
+    /// s of every term after a motion, which [`Self::deed`] and [`Self::advance_mm`] are about.
+    pub fn place(&mut self, motion: &Motion) {
+        let (unit, x) = (self.unit, motion.to_array());
+        let (rows, offset, s) = (&self.rows, &self.offset, &mut self.s);
+        unit.dispatch(|| {
+            combine(rows, x, s);
+            for (s, offset) in s.iter_mut().zip(offset) {
+                *s += offset;
+            }
+        });
     }
 
     /// Slope of every s along `d` into the scratch.
     pub(super) fn direct(&mut self, d: [f64; 6]) {
-        for (slope, row) in self.slope.iter_mut().zip(&self.rows) {
-            *slope = along(row, d);
+        let (unit, rows, slope) = (self.unit, &self.rows, &mut self.slope);
+        unit.dispatch(|| combine(rows, d, slope));
+    }
+
+    fn depth(&self, i: usize, x: [f64; 6]) -> f64 {
+        let row = self.row(i);
+        dot(row, x) + self.offset[i]
+    }
+
+    fn row(&self, i: usize) -> [f64; 6] {
+        [0, 1, 2, 3, 4, 5].map(|a| self.rows[a][i])
+    }
+
+    /// Energy where the terms are placed, N·mm.
+    pub(super) fn energy_here(&self) -> f64 {
+        self.sum_energy(&self.s)
+    }
+
+    /// Energy without any motion, N·mm.
+    pub(super) fn energy_at_rest(&self) -> f64 {
+        self.sum_energy(&self.offset)
+    }
+
+    fn sum_energy(&self, s: &[f64]) -> f64 {
+        let mut sums = [0.0; LANES];
+        self.unit.dispatch(|| {
+            let groups = s.as_chunks::<LANES>().0.iter();
+            let yields = self.yield_n.as_chunks::<LANES>().0;
+            let viscous = self.viscous.as_chunks::<LANES>().0;
+            for ((s, y), v) in groups.zip(yields).zip(viscous) {
+                for l in 0..LANES {
+                    let energy = y[l] * corner(s[l]).0 + 0.5 * v[l] * s[l] * s[l];
+                    sums[l] += if s[l] > 0.0 { energy } else { 0.0 };
+                }
+            }
+        });
+        total(sums)
+    }
+
+    /// Gradient, N, and curvature, N/mm (lower triangle), where the terms are placed.
+    pub(super) fn derivatives(&self, gradient: &mut [f64; 6], hessian: &mut [[f64; 6]; 6]) {
+        let mut first = [[0.0; LANES]; 6];
+        let mut second = [[0.0; LANES]; TRIANGLE];
+        self.unit
+            .dispatch(|| self.sum_derivatives(&mut first, &mut second));
+        let mut entry = second.into_iter();
+        for (a, sums) in first.into_iter().enumerate() {
+            gradient[a] += total(sums);
+            for (b, sums) in entry.by_ref().take(a + 1).enumerate() {
+                hessian[a][b] += total(sums);
+            }
         }
     }
 
-    /// Energy at `x`, N·mm.
-    pub fn energy(&self, motion: &Motion) -> f64 {
-        let x = motion.to_array();
-        (0..self.len())
-            .map(|i| {
-                let s = self.depth(i, x);
-                if s > 0.0 {
-                    self.yield_n[i] * corner(s).0 + 0.5 * self.viscous[i] * s * s
-                } else {
-                    0.0
-                }
-            })
-            .sum()
-    }
-
-    /// Gradient, N, and curvature, N/mm (lower triangle), at the scratch's s.
-    pub(super) fn derivatives(&self, gradient: &mut [f64; 6], hessian: &mut [[f64; 6]; 6]) {
-        for (i, row) in self.rows.iter().enumerate() {
-            let s = self.s[i];
-            if s <= 0.0 {
+    #[inline(always)]
+    fn sum_derivatives(
+        &self,
+        first: &mut [[f64; LANES]; 6],
+        second: &mut [[f64; LANES]; TRIANGLE],
+    ) {
+        let rows = self.rows.each_ref().map(|row| row.as_chunks::<LANES>().0);
+        let yields = self.yield_n.as_chunks::<LANES>().0;
+        let viscous = self.viscous.as_chunks::<LANES>().0;
+        for (n, s) in self.s.as_chunks::<LANES>().0.iter().enumerate() {
+            if s.iter().all(|s| *s <= 0.0) {
                 continue;
             }
-            let (_, slope, curvature) = corner(s);
-            let force = self.yield_n[i] * slope + self.viscous[i] * s;
-            let stiffness = self.yield_n[i] * curvature + self.viscous[i];
+            let (mut force, mut stiffness) = ([0.0; LANES], [0.0; LANES]);
+            for l in 0..LANES {
+                let (_, slope, curvature) = corner(s[l]);
+                let (f, k) = (
+                    yields[n][l] * slope + viscous[n][l] * s[l],
+                    yields[n][l] * curvature + viscous[n][l],
+                );
+                force[l] = if s[l] > 0.0 { f } else { 0.0 };
+                stiffness[l] = if s[l] > 0.0 { k } else { 0.0 };
+            }
+            let mut at = 0;
             for a in 0..6 {
-                gradient[a] += row[a] * force;
-                let weighted = row[a] * stiffness;
-                for b in 0..6 {
-                    hessian[a][b] += weighted * row[b];
+                let row = &rows[a][n];
+                let mut weighted = [0.0; LANES];
+                for l in 0..LANES {
+                    first[a][l] += row[l] * force[l];
+                    weighted[l] = row[l] * stiffness[l];
+                }
+                for other in &rows[..=a] {
+                    for l in 0..LANES {
+                        second[at][l] += weighted[l] * other[n][l];
+                    }
+                    at += 1;
                 }
             }
         }
     }
 
-    /// Slope and curvature of the energy along the scratch's direction, `t` of the way from the
-    /// scratch's s.
+    /// Slope and curvature of the energy along the scratch's direction, `t` of the way from where the
+    /// terms are placed.
     pub(super) fn along(&self, t: f64) -> (f64, f64) {
-        let (mut first, mut second) = (0.0, 0.0);
-        for i in 0..self.len() {
-            let s = self.s[i] + t * self.slope[i];
-            if s > 0.0 {
-                let (_, slope, curvature) = corner(s);
-                first += (self.yield_n[i] * slope + self.viscous[i] * s) * self.slope[i];
-                second +=
-                    (self.yield_n[i] * curvature + self.viscous[i]) * self.slope[i] * self.slope[i];
+        let (mut first, mut second) = ([0.0; LANES], [0.0; LANES]);
+        self.unit.dispatch(|| {
+            let yields = self.yield_n.as_chunks::<LANES>().0;
+            let viscous = self.viscous.as_chunks::<LANES>().0;
+            let slopes = self.slope.as_chunks::<LANES>().0;
+            for (n, s) in self.s.as_chunks::<LANES>().0.iter().enumerate() {
+                for l in 0..LANES {
+                    let (d, y, v) = (slopes[n][l], yields[n][l], viscous[n][l]);
+                    let s = s[l] + t * d;
+                    let (_, slope, curvature) = corner(s);
+                    let f = (y * slope + v * s) * d;
+                    let k = (y * curvature + v) * d * d;
+                    first[l] += if s > 0.0 { f } else { 0.0 };
+                    second[l] += if s > 0.0 { k } else { 0.0 };
+                }
             }
-        }
-        (first, second)
+        });
+        (total(first), total(second))
     }
 
-    /// The longest way, mm, that a cutting element goes into bone on a motion.
-    pub fn advance_mm(&self, motion: &Motion) -> f64 {
-        let x = motion.to_array();
-        (0..self.len())
-            .filter(|&i| self.yield_n[i] > 0.0)
-            .map(|i| self.depth(i, x))
-            .fold(0.0, f64::max)
+    /// The longest way, mm, that a cutting element goes into bone, where the terms are placed.
+    pub fn advance_mm(&self) -> f64 {
+        let ways = self.s.iter().zip(&self.yield_n);
+        ways.filter(|(_, y)| **y > 0.0)
+            .fold(0.0, |most: f64, (s, _)| most.max(*s))
+    }
+
+    /// Whether a term's cutting element goes into bone by more than `least` mm, where the terms are
+    /// placed.
+    pub(super) fn cuts(&self, i: usize, least: f64) -> bool {
+        self.yield_n[i] > 0.0 && self.s[i] > least
     }
 
     /// A motion below yield without the regularised corner's creep: what goes into gripped bone is
@@ -295,11 +401,11 @@ impl Terms {
         }
         let mut x = motion.to_array();
         for _ in 0..3 {
-            for i in (0..self.len()).filter(|&i| self.yield_n[i] > 0.0) {
+            for i in (0..self.count).filter(|&i| self.yield_n[i] > 0.0) {
                 let s = self.depth(i, x);
                 if s > 0.0 {
-                    let row = &self.rows[i];
-                    let back = s / along(row, *row);
+                    let row = self.row(i);
+                    let back = s / dot(row, row);
                     for a in 0..6 {
                         x[a] -= row[a] * back;
                     }
@@ -309,12 +415,10 @@ impl Terms {
         Motion::from_array(x)
     }
 
-    /// What the elements do on a motion within the time that was set.
-    pub fn deed(&self, motion: &Motion) -> Deed {
-        let x = motion.to_array();
+    /// What the elements do on the motion that the terms are placed after, within the time that was set.
+    pub fn deed(&self) -> Deed {
         let mut deed = Deed::default();
-        for i in 0..self.len() {
-            let s = self.depth(i, x);
+        for (i, &s) in self.s.iter().enumerate().take(self.count) {
             if s <= 0.0 {
                 continue;
             }
@@ -336,19 +440,35 @@ impl Default for Terms {
     }
 }
 
-fn along(row: &[f64; 6], x: [f64; 6]) -> f64 {
+fn dot(row: [f64; 6], x: [f64; 6]) -> f64 {
     (row[0] * x[0] + row[1] * x[1] + row[2] * x[2])
         + (row[3] * x[3] + row[4] * x[4] + row[5] * x[5])
 }
 
+// the same of all rows
+#[inline(always)]
+fn combine(rows: &[Vec<f64>; 6], x: [f64; 6], into: &mut [f64]) {
+    let rows = rows.each_ref().map(|row| row.as_chunks::<LANES>().0);
+    for (n, into) in into.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+        let [a, b, c, d, e, f] = rows.map(|row| &row[n]);
+        for l in 0..LANES {
+            into[l] = (a[l] * x[0] + b[l] * x[1] + c[l] * x[2])
+                + (d[l] * x[3] + e[l] * x[4] + f[l] * x[5]);
+        }
+    }
+}
+
+// eight sums in one order
+fn total(sums: [f64; LANES]) -> f64 {
+    let [a, b, c, d, e, f, g, h] = sums;
+    ((a + b) + (c + d)) + ((e + f) + (g + h))
+}
+
 // value, slope and curvature of the regularised corner at s > 0
+#[inline(always)]
 fn corner(s: f64) -> (f64, f64, f64) {
     if s < YIELD_EPS_MM {
-        (
-            0.5 * s * s / YIELD_EPS_MM,
-            s / YIELD_EPS_MM,
-            1.0 / YIELD_EPS_MM,
-        )
+        (0.5 * s * (s * STEEP), s * STEEP, STEEP)
     } else {
         (s - 0.5 * YIELD_EPS_MM, 1.0, 0.0)
     }

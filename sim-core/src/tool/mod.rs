@@ -7,10 +7,13 @@
 pub mod bvh;
 mod digest;
 pub mod elements;
+mod facet;
 pub mod mesh;
 pub mod patches;
 pub mod revolved;
 pub mod sdf_grid;
+
+pub use facet::Facet;
 
 use crate::grid::Grid;
 use glam::{DVec3, Vec3};
@@ -54,6 +57,8 @@ pub struct Tool {
     pub shape: Shape,
     /// Surface elements; at most [`MAX_ELEMENTS`].
     pub elements: Vec<Element>,
+    /// The piece of surface about each of them; see [`Tool::with_elements`].
+    pub facets: Vec<Facet>,
     /// Spindle speed when on, revolutions per minute.
     pub rpm: f64,
     /// Cutting lips around the axis.
@@ -186,16 +191,19 @@ impl Tool {
         (rpm, lips): (f64, u8),
         colour: [u8; 3],
     ) -> Self {
+        let elements = elements::of_revolved(&solid);
         Self {
             name: name.to_owned(),
             id: id.to_owned(),
-            elements: elements::of_revolved(&solid),
+            elements: Vec::new(),
+            facets: Vec::new(),
             shape: Shape::Revolved(solid),
             rpm,
             lips,
             stall_nmm: None,
             colour,
         }
+        .with_elements(elements)
     }
 
     /// A tool made of triangles: `grid` is its distance. Elements at or below the height
@@ -211,13 +219,23 @@ impl Tool {
         Self {
             name: name.to_owned(),
             id: id.to_owned(),
-            elements: mesh.elements(cutting_below_mm),
+            elements: Vec::new(),
+            facets: Vec::new(),
             shape: Shape::Grid(grid),
             rpm,
             lips,
             stall_nmm: None,
             colour,
         }
+        .with_elements(mesh.elements(cutting_below_mm))
+    }
+
+    /// The same tool with these surface elements.
+    #[must_use]
+    pub fn with_elements(mut self, elements: Vec<Element>) -> Self {
+        self.facets = elements.iter().map(|e| Facet::of(e, &self.shape)).collect();
+        self.elements = elements;
+        self
     }
 
     /// Peg drill, Ø 8 mm, 118° point, 40 mm of flutes, 1500 rpm.

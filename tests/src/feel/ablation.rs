@@ -1,4 +1,6 @@
-//! What each guard is for: the loop without it.
+//! What each guard and each term of the law is for: the loop without it.
+
+pub mod law;
 
 use super::bench::Bench;
 use super::cases::impact::tap;

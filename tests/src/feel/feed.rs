@@ -190,17 +190,25 @@ pub struct LedgerRow {
 
 /// A bone in which a tool already stands, spindle on or off, its device in the socket.
 pub fn seated(faced: &Faced, density: f64, spindle: bool) -> (Guided, Spec) {
+    seated_with(&Feel::default(), faced, density, spindle)
+}
+
+/// The same with a feel of one's own.
+pub fn seated_with(feel: &Feel, faced: &Faced, density: f64, spindle: bool) -> (Guided, Spec) {
     let wide = 2.0 * faced.radius_mm + 5.0;
     let extent = DVec3::new(wide, wide, faced.depth_mm + 12.0);
-    seated_in(
-        socket(&faced.tool, extent, faced.depth_mm, density, 0.5),
-        spindle,
-    )
+    let scene = socket(&faced.tool, extent, faced.depth_mm, density, 0.5);
+    seated_as(feel, scene, spindle)
 }
 
 /// A tool at the base frame's origin of a scene, in a socket of its own shape.
 pub fn seated_in(scene: Scene, spindle: bool) -> (Guided, Spec) {
+    seated_as(&Feel::default(), scene, spindle)
+}
+
+fn seated_as(feel: &Feel, scene: Scene, spindle: bool) -> (Guided, Spec) {
     let mut spec = Spec::at(scene);
+    spec.feel = *feel;
     spec.scale = FINE;
     let mut guided = Guided::new(&spec, DVec3::Z * 10.0, spindle);
     guided.glide(DVec3::Z * 0.01, 40.0);

@@ -22,9 +22,8 @@ const HALF_WAY: f64 = 10.0;
 /// A ball of 6 mm with so many surface elements, spread evenly; the servo takes at most
 /// [`osteon_sim_core::tool::MAX_ELEMENTS`].
 pub fn ball_of(elements: u16) -> Tool {
-    let mut tool = ball(6.0);
     let count = f32::from(elements);
-    tool.elements = (0..elements)
+    let spread = (0..elements)
         .map(|n| {
             let z = (2.0 * f32::from(n) + 1.0) / count - 1.0;
             let turn = 2.399_963_2 * f32::from(n);
@@ -39,7 +38,7 @@ pub fn ball_of(elements: u16) -> Tool {
             }
         })
         .collect();
-    tool
+    ball(6.0).with_elements(spread)
 }
 
 /// Slides a ball of 6 mm over a plane that is tilted about y, the device 0.3 mm below it.

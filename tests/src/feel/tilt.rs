@@ -1,9 +1,10 @@
 //! Tilting a reamer that stands in its own socket: what it costs, and what it cuts.
 
-use super::feed::{Faced, seated};
+use super::feed::{Faced, seated_with};
 use super::guided::Guided;
 use super::setup::Spec;
 use glam::{DQuat, DVec3};
+use osteon_sim_core::feel::Feel;
 use osteon_sim_core::pose::Pose;
 use osteon_sim_core::tissue::Tissue;
 use serde::Serialize;
@@ -37,12 +38,17 @@ pub struct TiltRow {
 
 /// Tilts the reamer by 10° at 20°/s.
 pub fn tilted(spindle: bool) -> TiltRow {
+    tilted_with(&Feel::default(), spindle)
+}
+
+/// The same with a feel of one's own.
+pub fn tilted_with(feel: &Feel, spindle: bool) -> TiltRow {
     let mut faced = Faced::reamer();
     if !spindle {
         // a dome can roll out of a socket that has no wall
         faced.depth_mm = 10.0;
     }
-    let (mut guided, spec) = seated(&faced, DENSITY, spindle);
+    let (mut guided, spec) = seated_with(feel, &faced, DENSITY, spindle);
     guided.rest(0.2);
     let before = guided.removed_mm3();
     let mut way = vec![pose(&guided, &spec)];

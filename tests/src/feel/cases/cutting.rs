@@ -21,7 +21,7 @@ const PLATE_MM: f64 = 2.0;
 const CANCELLOUS_MM: f64 = 3.0;
 
 /// Cartilage of 2 mm, a plate of 1 mm, cancellous bone.
-fn joint() -> Scene {
+pub(in super::super) fn joint() -> Scene {
     let top = DVec3::new(8.01, 8.02, 18.03);
     let bone = layered(DVec3::new(16.0, 16.0, 20.0), DVec3::splat(0.5), |p| {
         let depth = top.z - p.z;

@@ -5,7 +5,7 @@
 
 mod buzz;
 pub mod carving;
-mod cutting;
+pub(super) mod cutting;
 pub mod gaps;
 pub mod heat;
 pub mod impact;

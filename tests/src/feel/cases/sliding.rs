@@ -14,7 +14,7 @@ use rayon::prelude::*;
 const FELT_N: f64 = 0.02;
 
 /// A wedge with an edge along y, or a cube's corner, its edge or corner at the base's origin.
-fn sharp(angle_deg: f64, corner: bool) -> Scene {
+pub(in super::super) fn sharp(angle_deg: f64, corner: bool) -> Scene {
     let top = DVec3::new(12.01, 12.02, 12.03);
     let half = (0.5 * angle_deg).to_radians();
     let (c, s) = (half.cos(), half.sin());
@@ -38,7 +38,7 @@ fn sharp(angle_deg: f64, corner: bool) -> Scene {
 }
 
 /// Largest change of the force in a tick, N, and of its direction, degrees, on a way across at 20 mm/s.
-fn crossed(scene: Scene, y_mm: f64, depth_mm: f64) -> (f64, f64) {
+pub(in super::super) fn crossed(scene: Scene, y_mm: f64, depth_mm: f64) -> (f64, f64) {
     let mut spec = Spec::at(scene);
     spec.scale = FINE;
     let mut guided = Guided::new(&spec, DVec3::Z * 8.0, false);

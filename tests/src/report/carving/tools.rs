@@ -28,6 +28,7 @@ fn of([name, id]: [&str; 2], parts: &[&[Form]]) -> Tool {
         id: id.to_owned(),
         shape: Shape::Revolved(solid),
         elements: Vec::new(),
+        facets: Vec::new(),
         rpm: 1000.0,
         lips: 4,
         stall_nmm: None,

@@ -1,7 +1,7 @@
-//! What breaks without each guard.
+//! What breaks without each guard, and without each term of the law.
 
 use super::Output;
-use crate::feel::ablation::rows;
+use crate::feel::ablation::{law, rows};
 use crate::report::table::{Table, short};
 use anyhow::Result;
 
@@ -33,6 +33,37 @@ pub(super) fn run(out: &mut Output) -> Result<()> {
             short(Some(row.rebound_ratio)),
             short(Some(row.step_n)),
             short(Some(row.deep_rms_n)),
+        ]);
+    }
+    out.table(&table)?;
+    terms(out)
+}
+
+fn terms(out: &mut Output) -> Result<()> {
+    out.say("## What each term of the law is for");
+    let rows = law::rows();
+    out.section("law_ablation", &rows)?;
+    let mut table = Table::new(
+        "law_ablation",
+        "The law without each term",
+        "One figure for each, with the term and without it.",
+        &[
+            "term",
+            "left out by",
+            "figure",
+            "unit",
+            "with it",
+            "without it",
+        ],
+    );
+    for row in &rows {
+        table.push([
+            row.term.to_owned(),
+            row.how.to_owned(),
+            row.figure.to_owned(),
+            row.unit.to_owned(),
+            short(Some(row.with)),
+            short(Some(row.without)),
         ]);
     }
     out.table(&table)
