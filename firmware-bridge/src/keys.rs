@@ -29,6 +29,7 @@ pub enum KeyTask {
         name: String,
         /// Public key: 64 hexadecimal digits, as 'osteon key show' prints them there
         key: String,
+        /// Where the keys are.
         #[command(flatten)]
         place: KeyArgs,
     },

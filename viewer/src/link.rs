@@ -59,7 +59,7 @@ pub(crate) enum LinkError {
     #[error("the link to {place} cannot start a thread ({reason}); close other programs")]
     Thread {
         /// Where to.
-        place: Place,
+        place: Box<Place>,
         /// Why.
         reason: std::io::Error,
     },
@@ -191,7 +191,7 @@ impl Link {
         let slot: OutSlot = Arc::new(Mutex::new(Some(out)));
         let (sender, receiver) = sync_channel(OUTGOING);
         let thread = |reason| LinkError::Thread {
-            place: place.clone(),
+            place: Box::new(place.clone()),
             reason,
         };
         let writing = Arc::clone(&slot);

@@ -3,13 +3,13 @@
 //!
 //! For the report on isolation; the product never runs it.
 
+use super::opening::Session;
 use super::outset::Outset;
 use super::publisher::{Publisher, wire_digest};
 use super::record::Record;
 use super::rehearsal::{HELLO, Scripted, Sent, scene_and_servo};
 use super::resync::Resync;
 use super::servo_loop::{Beat, ServoThread, Timing, one_beat};
-use super::session::Session;
 use super::socket;
 use super::viewers::Viewers;
 use crate::link::DeviceInfo;

@@ -9,6 +9,7 @@ use super::resync::Resync;
 use super::servo_loop::{self, Ending, Finished, Master, ServoThread};
 use super::viewers::ViewerReport;
 use super::{HapticsArgs, default_socket, socket};
+use crate::clinic::guide::Guide;
 use crate::feel;
 use crate::link::{self, DeviceLink, DeviceSpec};
 use crate::progress::Progress;

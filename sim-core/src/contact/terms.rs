@@ -3,11 +3,7 @@
 //! Sums are kept in eight lanes and added up in one order, and nothing is fused, so the bits are the same on
 //! every vector unit (`pulp` picks it at run time).
 
-#![expect(
-    clippy::inline_always,
-    clippy::needless_range_loop,
-    reason = "lanes must melt into the unit's job"
-)]
+#![expect(clippy::inline_always, reason = "lanes must melt into the unit's job")]
 
 use super::{Resistance, YIELD_EPS_MM};
 use core::ops::{Add, Mul, Sub};

@@ -54,6 +54,7 @@ pub fn tool_of(solid: Revolved) -> Tool {
         id: "test".to_owned(),
         shape: Shape::Revolved(solid),
         elements: Vec::new(),
+        facets: Vec::new(),
         rpm: 1000.0,
         lips: 2,
         stall_nmm: None,

@@ -1,6 +1,5 @@
 //! From a scanner's CT numbers to the force: a CT of a known density, its calibration, the loaded bone, the servo,
 //! the feed; beside the law's closed form for that density.
-#![expect(clippy::print_stderr, reason = "measured figures are told")]
 
 use super::feed::{Faced, fed_in, seated_in};
 use super::setup::Scene;

@@ -119,7 +119,7 @@ fn measure(args: &IsolationArgs, osteon: &Path, folder: &Path) -> Result<Done> {
     let mut progress = Progress::new("isolation report");
     progress.show("times", 0.0);
     let times = live::session(args, osteon, folder, &mut |share| {
-        progress.show("times", share)
+        progress.show("times", share);
     })?;
     let mut rows = Vec::new();
     let mut alone = None;
@@ -264,6 +264,9 @@ fn table(rows: &[Row]) -> Table {
     table
 }
 
+/// A figure of a row.
+type Value = fn(&Row) -> f64;
+
 fn plot(rows: &[Row]) -> Plot {
     let mut plot = Plot::new(
         "isolation_tick",
@@ -272,8 +275,7 @@ fn plot(rows: &[Row]) -> Plot {
         ["viewer, in the table's order", "p99.9, µs"],
     );
     plot.scales = [Scale::Linear, Scale::Log];
-    let series: [(&str, fn(&Row) -> f64); 2] =
-        [("tick", |r| r.tick_us.p999), ("wake", |r| r.wake_us.p999)];
+    let series: [(&str, Value); 2] = [("tick", |r| r.tick_us.p999), ("wake", |r| r.wake_us.p999)];
     for (name, of) in series {
         let points = rows.iter().enumerate();
         plot.series.push(Series {

@@ -85,7 +85,7 @@ fn socket(path: &Path) -> Result<Stream, LinkError> {
 }
 
 /// Whether an error may go away when the haptics process has come up.
-fn starting(error: &std::io::Error) -> bool {
+fn starting(error: &Error) -> bool {
     matches!(
         error.kind(),
         ErrorKind::NotFound | ErrorKind::ConnectionRefused

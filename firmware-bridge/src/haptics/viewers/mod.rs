@@ -26,16 +26,11 @@ use osteon_protocol::ipc::{
 use seat::Seat;
 use std::time::{Duration, Instant};
 
-/// Bytes that are put together before they are written.
-const BATCH_BYTES: usize = 256 * 1024;
-/// Connections that may wait to join.
-const WAITING_ROOM: usize = 16;
-/// A viewer must have joined within this time.
-const JOIN_TIMEOUT: Duration = Duration::from_secs(3);
-/// For so long a lost viewer's seat is kept.
-const SEAT_KEPT: Duration = Duration::from_secs(30);
-/// A viewer that has taken no byte for so long holds nobody up who asks for control.
-const STUCK: Duration = Duration::from_secs(2);
+const BATCH_BYTES: usize = 256 * 1024; // put together before they are written
+const WAITING_ROOM: usize = 16; // connections that may wait to join
+const JOIN_TIMEOUT: Duration = Duration::from_secs(3); // from the first byte to the seat
+const SEAT_KEPT: Duration = Duration::from_secs(30); // for a viewer that was lost
+const STUCK: Duration = Duration::from_secs(2); // who takes no byte holds nobody up who asks for control
 
 /// What happened to the viewers.
 #[derive(Debug, Clone, Copy, Default)]
