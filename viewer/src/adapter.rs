@@ -155,6 +155,15 @@ pub(crate) fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescript
             max_texture_dimension_2d: own.max_texture_dimension_2d,
             max_texture_dimension_3d: own.max_texture_dimension_3d,
             max_buffer_size: own.max_buffer_size,
+            // for the thesis's kernel in the report; none of it where the adapter computes nothing
+            max_storage_buffers_per_shader_stage: own.max_storage_buffers_per_shader_stage,
+            max_storage_buffer_binding_size: own.max_storage_buffer_binding_size,
+            max_compute_workgroup_storage_size: own.max_compute_workgroup_storage_size,
+            max_compute_invocations_per_workgroup: own.max_compute_invocations_per_workgroup,
+            max_compute_workgroup_size_x: own.max_compute_workgroup_size_x,
+            max_compute_workgroup_size_y: own.max_compute_workgroup_size_y,
+            max_compute_workgroup_size_z: own.max_compute_workgroup_size_z,
+            max_compute_workgroups_per_dimension: own.max_compute_workgroups_per_dimension,
             ..base
         },
         ..Default::default()

@@ -91,7 +91,7 @@ pub(super) fn measure(
             let voxel = scene.bone.grid().spacing_mm.max_element();
             Some(reference.difference(&stage.surfaces()?, voxel))
         };
-        picture(&mut stage, scene, kind, effort, out)?;
+        picture(&mut stage, kind, effort, out)?;
         let mut depth = 1.0;
         for &(size, frames) in &effort.sizes {
             let known = error.filter(|_| size == effort.error_size);
@@ -104,19 +104,10 @@ pub(super) fn measure(
 }
 
 /// A small picture of the glenoid, after carving.
-fn picture(
-    stage: &mut Stage,
-    scene: &Scene,
-    kind: Kind,
-    effort: &Effort,
-    out: &Path,
-) -> Result<()> {
+fn picture(stage: &mut Stage, kind: Kind, effort: &Effort, out: &Path) -> Result<()> {
     stage.resize(if effort.quick { [160, 90] } else { [400, 225] });
     stage.show_glenoid();
-    stage.hold(Some((1, scene.step(-14.0, -14.0).after)));
-    stage.write_picture(&out.join(format!("{}.png", kind.name())))?;
-    stage.hold(None);
-    Ok(())
+    stage.write_picture(&out.join(format!("{}.png", kind.name())))
 }
 
 fn row(
