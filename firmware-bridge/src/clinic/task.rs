@@ -303,6 +303,7 @@ mod tests {
     fn hints_name_the_tool_the_spindle_the_axis_and_the_depth() {
         let hint = |tool, spindle, z, turn| {
             let mut task = Task::of(Mode::Guided, two(), Pose::IDENTITY);
+            task.in_front = true;
             task.tick(&tick(0, z, tool, spindle, turn), 0.0)
                 .map(|s| s.text)
         };
