@@ -82,7 +82,7 @@ struct Rig {
 }
 
 /// Plays so many ticks with viewers at `socket`, at the speed of a session; `ready` is called once they
-/// can connect, `over` after the last tick: then they have [`SENSES`] to come to theirs.
+/// can connect, `over` after the last tick: then they have `SENSES` to come to theirs.
 pub fn play(
     ticks: u32,
     socket: &Path,

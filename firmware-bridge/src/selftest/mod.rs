@@ -1,10 +1,10 @@
 //! `osteon selftest`: commissioning of real hardware, step by step, with a written record.
 //!
-//! * [`procedure`]: the steps, on a clock of milliseconds; it knows no cable and no terminal.
-//! * [`rig`]: the device and the operator as the steps see them: a link and a terminal here, a simulated arm
+//! * `procedure`: the steps, on a clock of milliseconds; it knows no cable and no terminal.
+//! * `rig`: the device and the operator as the steps see them: a link and a terminal here, a simulated arm
 //!   in the tests.
-//! * [`staircase`]: what a force staircase against a spring or a weight says of the force's scale.
-//! * [`record`]: what is written.
+//! * `staircase`: what a force staircase against a spring or a weight says of the force's scale.
+//! * `record`: what is written.
 
 mod procedure;
 mod record;
