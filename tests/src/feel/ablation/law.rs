@@ -110,7 +110,7 @@ const TERMS: &[Term] = &[
         [
             "smooth faces",
             "the whole surface cuts",
-            "way sideways of the drill in its hole, 1 N for 1 s",
+            "way sideways of the drill in its hole, 1 N for 1 s or 4 mm",
             "mm",
         ],
         sideways_mm,
@@ -303,6 +303,9 @@ fn sideways_mm(with: bool) -> f64 {
     let from = guided.proxy_mm();
     let lead = 1.0 / spec.feel.coupling.stiffness_n_per_mm;
     for _ in 0..1000 {
+        if (guided.proxy_mm() - from).length() > 4.0 {
+            break; // through the wall
+        }
         let at = guided.proxy_mm().with_z(guided.place_mm.z) + DVec3::X * lead;
         guided.tick_at(at.with_y(0.0));
     }
