@@ -344,14 +344,19 @@ fn first_bite_mm(feel: &Feel) -> f64 {
 mod tests {
     use super::*;
 
-    /// Each term changes its figure: none is there for nothing.
+    /// Each term changes its figure. Tolerance and hysteresis of the contact set need not: they are there
+    /// for stored distances that round, which a feed in uniform bone may not meet.
     #[test]
     fn every_term_of_the_law_is_for_something() {
+        let mut idle = Vec::new();
         for row in rows() {
             let TermRow { with, without, .. } = row;
             assert!(with.is_finite() && without.is_finite(), "{row:?}");
             let apart = (with - without).abs() / with.abs().max(without.abs()).max(1e-9);
-            assert!(apart > 0.05, "{row:?}");
+            if apart <= 0.05 && !row.term.ends_with("of the contact set") {
+                idle.push(row);
+            }
         }
+        assert!(idle.is_empty(), "{idle:#?}");
     }
 }
