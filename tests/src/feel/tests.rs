@@ -14,10 +14,10 @@ fn every_case_is_there_once_and_in_order() {
 
 /// A test for each case: what it measured is its message.
 macro_rules! hard_cases {
-    ($($(#[$open:meta])* $name:ident: $id:literal,)*) => {
+    ($($(#[$miss:meta])? $name:ident: $id:literal,)*) => {
         $(
             #[test]
-            $(#[$open])*
+            $(#[$miss])?
             fn $name() {
                 let case = case($id).expect("a case");
                 assert_eq!(case.id, $id);
@@ -40,7 +40,8 @@ hard_cases! {
     case_04_a_tap_gives_no_more_than_it_got: 4,
     case_05_a_saturated_impact_leaves_the_proxy_outside: 5,
     case_06_a_thin_plate_is_not_crossed: 6,
-    #[ignore = "open: 19.6 degrees in a tick at an edge of 30 degrees, allowed are 15"]
+    // steps of 0.04 N, but a turn of 19.6° in one tick, at an edge of 30° with the device 0.3 mm deep
+    #[ignore = "a known miss: an edge of 30 degrees turns the force too fast in one tick"]
     case_07_an_edge_turns_the_force_gently: 7,
     case_08_an_oblique_plane_does_not_ripple: 8,
     case_09_a_chunk_border_is_not_felt: 9,
@@ -59,7 +60,9 @@ hard_cases! {
     case_22_feed_and_energy_follow_the_closed_form: 22,
     case_23_no_speed_of_the_spindle_breaks_the_law: 23,
     case_24_a_fast_burr_feeds_monotonely: 24,
-    #[ignore = "open: a reamer at rest gives way by 6.15 of 10 degrees, allowed are 5"]
+    // since contact is at the deepest point of a facet, the standing reamer turns by 6.2° where 5° are asked
+    // for; all else of the case holds
+    #[ignore = "a known miss: a standing reamer turns too far in its socket"]
     case_25_a_wedged_peg_and_a_tilted_reamer_meet_their_bounds: 25,
     case_26_walls_that_are_too_narrow_hold_still: 26,
     case_27_chunk_borders_are_no_matter: 27,
