@@ -1,8 +1,9 @@
 //! Lines of several bricks that see the same faces, lowered in one loop.
 //!
-//! A brick has six lines to compute, on the average. A loop over these alone ends before the next brick's
-//! arithmetic can begin: its end is not foreseen. So bricks of the same faces share a loop: what each has
-//! in common is laid out first, then their lines are listed without a branch, and one loop runs over all.
+//! A brick has few lines to compute, and a loop over these alone ends where the processor cannot foresee it.
+//! Bricks of the same faces share a loop: what each has in common is laid out first, then their lines are
+//! listed without a branch, and one loop runs over all. The faces are looked up once for the loop, and lines
+//! whose volume cannot change go through one that does not book.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::inline_always,
@@ -182,8 +183,7 @@ impl<L: Lanes> Batch<L> {
             let entry = self.counted.lines[n];
             let at = self.at(entry);
             let new = self.distances(l, field, entry);
-            // read before the store: the arrays often lie a multiple of 4096 bytes apart, and a load after a
-            // store at the same offset of another page waits for it
+            // read before the store: a load after a store at the same offset of another page may wait for it
             let solid = l.min_i(l.load_i(ground.solid(at)), most);
             let old = l.load_i(&values[at]);
             let new = l.min_i(new, old);
